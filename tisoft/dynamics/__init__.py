@@ -1,0 +1,1 @@
+"""State, time stepping, stable steps, statics and modes."""

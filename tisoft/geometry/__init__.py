@@ -1,0 +1,1 @@
+"""Meshes: generated shapes, files, topology, quality (NumPy only)."""

@@ -1,0 +1,1 @@
+"""Studies that only use the simulator."""
