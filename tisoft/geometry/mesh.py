@@ -1,0 +1,213 @@
+"""The two meshes of tisoft, frozen and checked once: TetMesh, and SpringNet for springs alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tisoft.errors import MeshError
+from tisoft.geometry import topology
+from tisoft.geometry.checks import (
+    check_finite,
+    check_range,
+    check_repeats,
+    check_tets,
+    index_rows,
+    numbers,
+    only_used,
+    positions,
+    unit_sized,
+)
+from tisoft.geometry.quality import signed_volumes
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False)
+class TetMesh:
+    """Tetrahedra at rest.  Raises MeshError where a value is not finite, an index is out of range,
+    or a tet is degenerate or wrongly oriented; `tet_mesh` cleans untidy input first.
+    """
+
+    points: Floats
+    """Rest positions [m], shape (nodes, 3), in the file's order."""
+    tets: Ints
+    """Nodes of each tet, shape (tets, 4), in the file's order; det(x1-x0, x2-x0, x3-x0) > 0."""
+    kept_nodes: NDArray[np.int64]
+    """Number (from 0) that each node has in the file, shape (nodes,)."""
+    flipped: int = 0
+    """Tets that were wrongly oriented in the file."""
+    dropped_nodes: int = 0
+    """Nodes of the file that no tet uses."""
+
+    def __post_init__(self) -> None:
+        _freeze(self, "tets", _rows(self.tets, 4, "tet", self.points))
+        _freeze_nodes(self)
+        if len(self.tets) == 0:
+            raise MeshError("a tetrahedral mesh needs at least one tet, and this one has none")
+        turned = check_tets(self.points, self.tets)
+        if turned.any():
+            raise MeshError(
+                f"{numbers('tet', turned)} oriented with negative volume; "
+                "build the mesh with tet_mesh(points, tets), which turns such tets round"
+            )
+
+    @cached_property
+    def volumes(self) -> Floats:
+        """Rest volume of each tet [m³], shape (tets,)."""
+        return signed_volumes(self.points, self.tets)
+
+    @cached_property
+    def edges(self) -> Ints:
+        """Edges of the tets, shape (edges, 2): each once, smaller node first, ascending."""
+        return topology.edges_of(self.tets)
+
+    @cached_property
+    def surface(self) -> Ints:
+        """Boundary triangles, shape (triangles, 3), normals outward."""
+        return topology.boundary_faces(self.tets)
+
+    @cached_property
+    def pieces(self) -> int:
+        """Number of parts that share no node."""
+        return topology.pieces(self.edges, len(self.points))
+
+    def transformed(
+        self,
+        *,
+        scale: float = 1.0,
+        rotate: Sequence[float] = (0.0, 0.0, 0.0),
+        translate: Sequence[float] = (0.0, 0.0, 0.0),
+    ) -> TetMesh:
+        """The mesh scaled, then turned about x, y and z [degrees], then moved [m]."""
+        return replace(self, points=_moved(self.points, scale, rotate, translate))
+
+
+@dataclass(frozen=True, eq=False)
+class SpringNet:
+    """Nodes joined by springs, without tets: cloth, grids of springs, bare nets.  Raises MeshError
+    where a value is not finite, an index is out of range or a spring has no length.
+    """
+
+    points: Floats
+    """Rest positions [m], shape (nodes, 3)."""
+    edges: Ints
+    """The two nodes of each spring, shape (springs, 2), in the order given."""
+    surface: Ints
+    """Triangles to draw, shape (triangles, 3); may be empty."""
+    kept_nodes: NDArray[np.int64]
+    """Number (from 0) that each node has in the file, shape (nodes,)."""
+    flipped: int = 0
+    dropped_nodes: int = 0
+    """Nodes of the file that no spring uses."""
+
+    def __post_init__(self) -> None:
+        _freeze(self, "edges", _rows(self.edges, 2, "spring", self.points))
+        _freeze(self, "surface", _rows(self.surface, 3, "triangle", self.points))
+        _freeze_nodes(self)
+        if len(self.points) == 0:
+            raise MeshError("a net of springs needs at least one node, and this one has none")
+        ends = unit_sized(self.points)[self.edges]
+        short = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) <= 1e-9
+        if short.any():
+            raise MeshError(f"{numbers('spring', short)} without length; take the springs out")
+
+    @property
+    def tets(self) -> Ints:
+        """No tets: shape (0, 4)."""
+        return np.empty((0, 4), dtype=np.int32)
+
+    @cached_property
+    def pieces(self) -> int:
+        """Number of parts that no spring joins."""
+        return topology.pieces(self.edges, len(self.points))
+
+    def transformed(
+        self,
+        *,
+        scale: float = 1.0,
+        rotate: Sequence[float] = (0.0, 0.0, 0.0),
+        translate: Sequence[float] = (0.0, 0.0, 0.0),
+    ) -> SpringNet:
+        """The net scaled, then turned about x, y and z [degrees], then moved [m]."""
+        return replace(self, points=_moved(self.points, scale, rotate, translate))
+
+
+Mesh = TetMesh | SpringNet
+
+
+def tet_mesh(points: ArrayLike, tets: ArrayLike) -> TetMesh:
+    """A TetMesh of untidy input: unused nodes are dropped and wrongly oriented tets turned round,
+    both counted.  Raises MeshError for degenerate or repeated tets, named by number (from 0).
+    """
+    nodes, corners, kept = only_used(points, index_rows(tets, 4, "tet"), "tet")
+    if len(corners) == 0:
+        raise MeshError("a tetrahedral mesh needs at least one tet, and this one has none")
+    check_repeats(corners)
+    turned = check_tets(nodes, corners)
+    corners[turned] = corners[turned][:, [0, 1, 3, 2]]
+    dropped = len(np.asarray(points)) - len(nodes)
+    return TetMesh(nodes, corners, kept, flipped=int(turned.sum()), dropped_nodes=dropped)
+
+
+def spring_net(points: ArrayLike, edges: ArrayLike) -> SpringNet:
+    """A SpringNet of untidy input: repeated edges are merged, unused nodes dropped and counted."""
+    rows = index_rows(edges, 2, "spring")
+    check_range(rows, "spring", len(np.asarray(points)))
+    nodes, ends, kept = only_used(points, topology.unique_edges(rows), "spring")
+    dropped = len(np.asarray(points)) - len(nodes)
+    return SpringNet(nodes, ends, np.empty((0, 3), np.int32), kept, dropped_nodes=dropped)
+
+
+def bare_net(points: ArrayLike, springs: ArrayLike, surface: ArrayLike = ()) -> SpringNet:
+    """A SpringNet in which nodes and springs keep their order and number."""
+    nodes = positions(points)
+    rows = _rows(springs, 2, "spring", nodes)
+    triangles = _rows(surface, 3, "triangle", nodes)
+    return SpringNet(nodes, rows, triangles, np.arange(len(nodes)))
+
+
+def _rows(values: ArrayLike, width: int, what: str, points: Floats) -> Ints:
+    return check_range(index_rows(values, width, what), what, len(points))
+
+
+def _freeze_nodes(mesh: TetMesh | SpringNet) -> None:
+    points = positions(mesh.points)
+    kept = np.asarray(mesh.kept_nodes, dtype=np.int64)
+    if kept.shape != (len(points),):
+        raise MeshError(f"kept_nodes has shape {kept.shape}, but there are {len(points)} nodes")
+    check_finite(points, kept)
+    _freeze(mesh, "points", points)
+    _freeze(mesh, "kept_nodes", kept)
+
+
+def _freeze(mesh: TetMesh | SpringNet, name: str, values: NDArray[np.generic]) -> None:
+    values = np.array(values, order="C")
+    values.flags.writeable = False
+    object.__setattr__(mesh, name, values)
+
+
+def _moved(
+    points: Floats, scale: float, rotate: Sequence[float], translate: Sequence[float]
+) -> Floats:
+    if not (np.isfinite(scale) and scale > 0):
+        raise MeshError(f"scale must be a positive number, not {scale!r}")
+    angles, shift = np.asarray(rotate, dtype=float), np.asarray(translate, dtype=float)
+    for name, vector in (("rotate", angles), ("translate", shift)):
+        if vector.shape != (3,) or not np.isfinite(vector).all():
+            raise MeshError(f"{name} must be three finite numbers, not {vector.tolist()!r}")
+    turn = np.eye(3)
+    for axis, angle in enumerate(np.deg2rad(angles)):
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        about = np.eye(3)
+        about[i, i] = about[j, j] = np.cos(angle)
+        about[j, i], about[i, j] = np.sin(angle), -np.sin(angle)
+        turn = about @ turn
+    if angles.any():
+        return (scale * points) @ turn.T + shift
+    return scale * points + shift
