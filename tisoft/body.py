@@ -1,0 +1,193 @@
+"""Soft bodies: a mesh, what it is made of, and what holds and pushes it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tisoft import checks
+from tisoft.checks import FieldError, Vector, inside
+from tisoft.geometry.mesh import Mesh, SpringNet, TetMesh
+from tisoft.loads import Load, Torque
+from tisoft.models.materials import MassSpring, Model, SolidModel
+from tisoft.pins import Pin, Turn
+from tisoft.where import NodeNumbers, Selection
+
+
+@dataclass(eq=False)
+class Body:
+    """A soft body: a mesh, what it is made of, how it starts, and its pins and loads.
+
+    Args:
+        name: unique in the scene.
+        mesh: with tets, or springs alone (then the model must be MassSpring).
+        model: its material's parameters.
+        velocity: at t = 0 [m/s].
+        spin: at t = 0 about the centre of mass [rad/s].
+    """
+
+    name: str
+    mesh: Mesh
+    model: Model
+    velocity: Vector = (0.0, 0.0, 0.0)
+    spin: Vector = (0.0, 0.0, 0.0)
+    pins: list[Pin] = field(default_factory=list)
+    loads: list[Load] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.validate()
+
+    def pin(
+        self,
+        where: Selection,
+        axes: str = "xyz",
+        *,
+        velocity: Sequence[float] | None = None,
+        path: Sequence[Sequence[float]] | None = None,
+        turn: Turn | None = None,
+        release: float | None = None,
+    ) -> Pin:
+        """Hold or move nodes: see Pin.  Raises SceneError also where no node is selected."""
+        motion: dict[str, Any] = {"velocity": velocity, "path": path}  # Pin makes tuples of them
+        pin = Pin(where, axes, turn=turn, release=release, **motion)
+        self._check_pins([*self.pins, pin])
+        self.pins.append(pin)
+        return pin
+
+    def load(
+        self,
+        where: Selection,
+        *,
+        force: Sequence[float] | None = None,
+        traction: Sequence[float] | None = None,
+        pressure: float | None = None,
+        torque: Torque | None = None,
+        start: float = 0.0,
+        end: float | None = None,
+        ramp: float | None = None,
+        table: Sequence[Sequence[float]] | None = None,
+    ) -> Load:
+        """Push nodes or faces: see Load.  Raises SceneError also where nothing is selected."""
+        push: dict[str, Any] = {"force": force, "traction": traction, "table": table}
+        load = Load(
+            where, pressure=pressure, torque=torque, start=start, end=end, ramp=ramp, **push
+        )
+        with inside(f"load[{len(self.loads)}]"):
+            self._check_load(load)
+        self.loads.append(load)
+        return load
+
+    def nodes(self, where: Selection) -> NodeNumbers:
+        """Rows of `mesh.points` that a selection picks, ascending; at least one.
+
+        Raises:
+            FieldError: where it picks none, or names a node that the mesh has not.
+        """
+        with inside("where"):
+            picked = where.select(self.mesh.points, self.mesh.kept_nodes)
+        if len(picked) == 0:
+            lo, hi = (_point(f(self.mesh.points, axis=0)) for f in (np.min, np.max))
+            problem = f'selects no node of "{self.name}", whose mesh spans {lo} to {hi}'
+            raise FieldError("where", problem, where)
+        return picked
+
+    def faces(self, where: Selection) -> NDArray[np.int64]:
+        """Rows of `mesh.surface` all of whose nodes are selected; may be none."""
+        picked = np.zeros(len(self.mesh.points), dtype=bool)
+        picked[self.nodes(where)] = True
+        return np.flatnonzero(picked[self.mesh.surface].all(axis=1))
+
+    def springs(self) -> NDArray[np.int64]:
+        """The two nodes of each spring of a MassSpring body, as rows of `mesh.points`, (n, 2)."""
+        springs = getattr(self.model, "springs", None)
+        if not isinstance(springs, np.ndarray):
+            return self.mesh.edges.astype(np.int64)
+        nodes = np.searchsorted(self.mesh.kept_nodes, springs).clip(max=len(self.mesh.points) - 1)
+        lost = np.argwhere(self.mesh.kept_nodes[nodes] != springs)
+        if len(lost):
+            row, end = lost[0]
+            problem = f'is no node of "{self.name}" (numbers count from 0)'
+            raise FieldError(f"springs[{row}][{end}]", problem, int(springs[row, end]))
+        return nodes
+
+    def validate(self) -> None:
+        """Check everything about this body; raises FieldError, the field relative to the body."""
+        checks.name("name", self.name)
+        if not isinstance(self.mesh, (TetMesh, SpringNet)):
+            raise FieldError("mesh", "must be a mesh, as of tisoft.box or tisoft.read_mesh")
+        if not isinstance(self.model, (SolidModel, MassSpring)):
+            problem = "must be a model with its parameters, as ViscoElastic(1e6, 0.3, 1000.0)"
+            raise FieldError("model", problem, self.model)
+        self.velocity = checks.vector("velocity", self.velocity, unit="m/s")
+        self.spin = checks.vector("spin", self.spin, unit="rad/s")
+        if isinstance(self.model, MassSpring):
+            self._check_springs(self.model)
+        elif len(self.mesh.tets) == 0:
+            problem = (
+                f"needs tets, and the mesh of {self.name!r} has none; use mass-spring, "
+                "or mesh the body's volume with tets"
+            )
+            raise FieldError("model", problem)
+        self._check_pins(self.pins)
+        for i, load in enumerate(self.loads):
+            with inside(f"load[{i}]"):
+                self._check_load(load)
+
+    def _check_springs(self, model: MassSpring) -> None:
+        springs = self.springs()
+        ends = self.mesh.points[springs]
+        without_length = (ends[:, 0] == ends[:, 1]).all(axis=1)
+        if without_length.any():
+            row = int(np.flatnonzero(without_length)[0])
+            raise FieldError(f"springs[{row}]", "joins two nodes in one place; remove it")
+        counts = {"stiffness": len(springs), "rest_lengths": len(springs)}
+        counts["node_mass"] = len(self.mesh.points)
+        for key, count in counts.items():
+            given = getattr(model, key)
+            if isinstance(given, np.ndarray) and len(given) != count:
+                what = "nodes" if key == "node_mass" else "springs"
+                problem = f"has {len(given)} numbers for {count} {what}; give one for each"
+                raise FieldError(key, problem)
+        sheet = model.thickness is not None and len(self.mesh.surface) > 0
+        if len(self.mesh.tets) or sheet:
+            return
+        if model.density is not None:
+            problem = "needs a volume, and this mesh has no tets; give node_mass (kg)"
+            cloth = ", or thickness (m) beside it" if len(self.mesh.surface) else ""
+            raise FieldError("density", problem + cloth, model.density)
+        if model.needs_young:
+            problem = "is from-young, which needs a volume, and this mesh has no tets; give N/m"
+            raise FieldError("stiffness", problem)
+
+    def _check_pins(self, pins: list[Pin]) -> None:
+        """Every pin holds a node, and no two move the same component differently."""
+        owners = np.full((3, len(self.mesh.points)), -1)
+        for i, pin in enumerate(pins):
+            with inside(f"pin[{i}]"):
+                nodes = self.nodes(pin.where)
+            for axis in pin.axes:
+                held = owners["xyz".index(axis)]
+                for other in np.unique(held[nodes][held[nodes] >= 0]):
+                    if pins[other].motion_along(axis) != pin.motion_along(axis):
+                        node = int(self.mesh.kept_nodes[nodes[held[nodes] == other][0]])
+                        problem = f"moves node {node} along {axis} otherwise than pin[{other}] does"
+                        raise FieldError(f"pin[{i}]", f"{problem}; keep their nodes apart")
+                held[nodes] = i
+
+    def _check_load(self, load: Load) -> None:
+        if load.kind == "force":
+            self.nodes(load.where)
+        elif len(self.faces(load.where)) == 0:
+            problem = (
+                f"selects no face of {self.name!r}, and {load.kind} acts on faces; "
+                "select all nodes of a surface triangle, or give a force"
+            )
+            raise FieldError("where", problem, load.where)
+
+
+def _point(values: NDArray[np.float64]) -> str:
+    return "(" + ", ".join(f"{value:.6g}" for value in values) + ")"

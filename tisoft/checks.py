@@ -1,0 +1,265 @@
+"""Checks of a user's values: one sentence that names the field, the value and the remedy.
+
+A field is named relative to the object that holds it ("poisson"); whoever holds that object puts
+its own name in front (`FieldError.inside`), so that a scene file can say `body[0].poisson`.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+import math
+import re
+import reprlib
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from numbers import Integral, Real
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tisoft.errors import SceneError
+
+Vector = tuple[float, float, float]
+Timeline = tuple[tuple[float, ...], ...]
+
+LARGEST = 1e100
+"""Numbers beyond this are refused: their cubes, as a volume's, would leave the range of floats."""
+
+_ABSENT: Any = object()
+_short = reprlib.Repr()
+_short.maxstring = _short.maxother = 60
+_short.maxlevel = 3
+
+
+class FieldError(SceneError):
+    """A value that cannot be used: `field` is its name, `problem` the rest of the sentence."""
+
+    def __init__(self, field: str, problem: str, value: Any = _ABSENT) -> None:
+        self.field = field
+        self.problem = problem
+        self.value = value
+        given = "" if value is _ABSENT else f" = {shown(value)}"
+        super().__init__(f"{field}{given} {problem}")
+
+    def inside(self, holder: str) -> FieldError:
+        """The same error, seen from `holder`: field "poisson" in "body[0]" is "body[0].poisson"."""
+        return FieldError(joined(holder, self.field), self.problem, self.value)
+
+
+@contextmanager
+def inside(holder: str) -> Iterator[None]:
+    """Put `holder` in front of the field of every FieldError raised here."""
+    try:
+        yield
+    except FieldError as error:
+        raise error.inside(holder) from None
+
+
+def joined(holder: str, field: str) -> str:
+    """The path of a field of `holder`; either may be empty, and indices need no dot."""
+    dot = "." if holder and field and not field.startswith("[") else ""
+    return f"{holder}{dot}{field}"
+
+
+def shown(value: Any) -> str:
+    """A value as a user wrote it, on one line and short, whatever it is."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return json.dumps(value if len(value) <= 60 else value[:57] + "…", ensure_ascii=False)
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, np.generic):
+        value = value.item()
+    try:
+        return _short.repr(value).replace("\n", " ")
+    except (ValueError, RecursionError):  # an integer of more digits than Python cares to print
+        return f"a {type(value).__name__} too long to print"
+
+
+def shown_key(key: str) -> str:
+    """A key as TOML writes it: bare where it can be, else quoted."""
+    return key if re.fullmatch(r"[A-Za-z0-9_-]{1,60}", key) else shown(key)
+
+
+def suggestion(wrong: str, right: Iterable[str]) -> str:
+    """What was meant, perhaps: the nearest of `right`, else all of them."""
+    known = list(right)
+    near = difflib.get_close_matches(wrong.lower()[:60], known, n=1, cutoff=0.6)
+    return f"did you mean {near[0]}?" if near else f"use one of {', '.join(known)}"
+
+
+def _limits(least: float, above: float, most: float, below: float) -> str:
+    parts = []
+    if least > -math.inf:
+        parts.append(f"at least {least:g}")
+    if above > -math.inf:
+        parts.append(f"above {above:g}")
+    if most < math.inf:
+        parts.append(f"at most {most:g}")
+    if below < math.inf:
+        parts.append(f"below {below:g}")
+    return " and ".join(parts)
+
+
+def number(
+    field: str,
+    value: Any,
+    *,
+    least: float = -math.inf,
+    above: float = -math.inf,
+    most: float = math.inf,
+    below: float = math.inf,
+    unit: str = "",
+    remedy: str = "",
+    infinite: bool = False,
+) -> float:
+    """The value as a float: finite (or `infinite` too), least <= or above < it, <= most or < below.
+
+    Raises:
+        FieldError: with the range, the unit and the remedy.
+    """
+    what = f"a number in {unit}" if unit else "a number"
+    if isinstance(value, bool) or not isinstance(value, Real):
+        quotes = "; drop the quotes" if _reads_as_number(value) else ""
+        raise FieldError(field, f"must be {what}, not {_kind(value)}{quotes}", value)
+    try:
+        result = float(value)
+    except OverflowError:
+        result = math.inf
+    if not abs(result) <= LARGEST and not (infinite and abs(result) == math.inf):
+        problem = f"must be {what} that is finite and at most {LARGEST:g} in size"
+        raise FieldError(field, problem, value)
+    if not (least <= result <= most and above < result < below):
+        limits = f"must be {_limits(least, above, most, below)}{f' {unit}' if unit else ''}"
+        raise FieldError(field, f"{limits}{f'; {remedy}' if remedy else ''}", value)
+    return result
+
+
+def _reads_as_number(value: Any) -> bool:
+    try:
+        return isinstance(value, str) and math.isfinite(float(value))
+    except ValueError:
+        return False
+
+
+def _kind(value: Any) -> str:
+    """The sort of thing that a value is, in a user's words."""
+    if isinstance(value, bool):
+        return "true or false"
+    if isinstance(value, str):
+        return "text"
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return "a list"
+    if value is None:
+        return "nothing"
+    return "a number" if isinstance(value, Real) else f"a {type(value).__name__}"
+
+
+def integer(field: str, value: Any, *, least: int = 0, most: int = 2**31 - 1) -> int:
+    """The value as a whole number with least <= it <= most."""
+    if isinstance(value, bool) or not isinstance(value, Integral):
+        raise FieldError(field, f"must be a whole number, not {_kind(value)}", value)
+    if not least <= int(value) <= most:
+        raise FieldError(field, f"must be at least {least} and at most {most}", value)
+    return int(value)
+
+
+def flag(field: str, value: Any) -> bool:
+    """The value as true or false."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise FieldError(field, f"must be true or false, not {_kind(value)}", value)
+    return bool(value)
+
+
+def choice(field: str, value: Any, options: Sequence[str]) -> str:
+    """The value as one of the words in `options`."""
+    if not isinstance(value, str):
+        raise FieldError(field, f"must be one of {', '.join(options)}, not {_kind(value)}", value)
+    if value not in options:
+        raise FieldError(field, f"is not known; {suggestion(value, options)}", value)
+    return value
+
+
+def name(field: str, value: Any) -> str:
+    """The value as a name that is safe in a table's header and in a file's name."""
+    if not isinstance(value, str):
+        raise FieldError(field, f"must be text, not {_kind(value)}", value)
+    if not 0 < len(value) <= 100 or not value.isprintable() or set(value) & set("/\\"):
+        remedy = "must be 1 to 100 printable characters, none of them / or \\"
+        raise FieldError(field, remedy, value)
+    return value
+
+
+def sequence(field: str, value: Any, what: str) -> Sequence[Any]:
+    """The value as a sequence; `what` says of what, for the message."""
+    if isinstance(value, (str, bytes, dict)) or not isinstance(value, (Sequence, np.ndarray)):
+        raise FieldError(field, f"must be a list of {what}, not {_kind(value)}", value)
+    return value if isinstance(value, Sequence) else value.tolist()
+
+
+def numbers(field: str, value: Any, count: int, what: str, **limits: Any) -> tuple[float, ...]:
+    """The value as `count` numbers, each within the limits of `number`."""
+    items = sequence(field, value, what)
+    if len(items) != count:
+        raise FieldError(field, f"must be {count} {what}, not {len(items)}", value)
+    return tuple(number(f"{field}[{i}]", item, **limits) for i, item in enumerate(items))
+
+
+def vector(field: str, value: Any, **limits: Any) -> Vector:
+    """The value as three numbers (x, y, z)."""
+    x, y, z = numbers(field, value, 3, "numbers (x, y, z)", **limits)
+    return x, y, z
+
+
+def direction(field: str, value: Any) -> Vector:
+    """The value as a unit vector."""
+    given = vector(field, value)
+    largest = max(abs(c) for c in given)
+    if largest == 0.0:
+        raise FieldError(field, "has no direction; give one, as (0, 1, 0) for up", value)
+    scaled = [c / largest for c in given]  # no overflow, no underflow in the squares
+    length = math.hypot(*scaled)
+    return scaled[0] / length, scaled[1] / length, scaled[2] / length
+
+
+def timeline(field: str, value: Any, width: int, what: str) -> Timeline:
+    """The value as rows of `width` numbers whose first, the time [s], grows from row to row."""
+    rows = sequence(field, value, f"rows {what}")
+    if not rows:
+        raise FieldError(field, f"has no rows; give {what}", value)
+    result = [numbers(f"{field}[{i}]", row, width, f"numbers {what}") for i, row in enumerate(rows)]
+    if result[0][0] < 0.0:
+        raise FieldError(f"{field}[0][0]", "must be a time of at least 0 s", result[0][0])
+    for i in range(1, len(result)):
+        before, now = result[i - 1][0], result[i][0]
+        if now <= before:
+            problem = f"goes back in time, or stands still: the row before is at {before:g} s"
+            raise FieldError(f"{field}[{i}][0]", problem, now)
+    return tuple(result)
+
+
+def exactly_one(field: str, given: dict[str, Any]) -> str:
+    """The one key of `given` whose value is not None."""
+    present = [key for key, value in given.items() if value is not None]
+    if len(present) == 1:
+        return present[0]
+    options = ", ".join(given)
+    if present:
+        raise FieldError(joined(field, present[1]), f"and {present[0]} exclude each other")
+    raise FieldError(field, f"needs one of {options}")
+
+
+def array(field: str, value: Any, check: Callable[[str, Any], float]) -> NDArray[np.float64]:
+    """The value as an array (n,) of numbers, each of which passes `check`."""
+    items = sequence(field, value, "numbers")
+    return np.array([check(f"{field}[{i}]", item) for i, item in enumerate(items)], dtype=float)
+
+
+def put(part: Any, field: str, value: Any) -> None:
+    """Keep a checked value in a frozen dataclass, while it is being made."""
+    object.__setattr__(part, field, value)

@@ -1,0 +1,114 @@
+"""Pins: nodes held where they are at rest, or moved in a way that is known beforehand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tisoft import checks
+from tisoft.checks import FieldError, Vector, put
+from tisoft.where import Selection, check_selection
+
+Points = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Turn:
+    """Rotation about a fixed axis: through `point` [m], along `axis`, at `rate` [rad/s]."""
+
+    point: Vector
+    axis: Vector
+    rate: float
+
+    def __post_init__(self) -> None:
+        put(self, "point", checks.vector("point", self.point))
+        put(self, "axis", checks.direction("axis", self.axis))
+        checks.number("rate", self.rate, unit="rad/s")
+
+    def displacement(self, points: Points, time: float) -> Points:
+        """How far rest positions [m], shape (n, 3), have been turned at `time` [s] (Rodrigues)."""
+        axis, angle = np.array(self.axis), self.rate * time
+        arm = points - np.array(self.point)
+        # 1 - cos by the half angle, so that small turns keep their digits.
+        bend = 2.0 * math.sin(0.5 * angle) ** 2
+        return math.sin(angle) * np.cross(axis, arm) + bend * np.cross(axis, np.cross(axis, arm))
+
+
+@dataclass(frozen=True)
+class Pin:
+    """Nodes held where they are at rest, or moved.
+
+    Args:
+        where: the nodes.
+        axes: the components that are held, as "xyz" or "xy".
+        velocity: [m/s], from t = 0.
+        path: rows (t, dx, dy, dz): displacement from rest [m] at times [s], linear between rows;
+            the first row holds before it, the last after it.
+        turn: rotation of the nodes about an axis.
+        release: when the nodes are let go [s]; left out, never.
+
+    At most one of velocity, path and turn.
+    """
+
+    where: Selection
+    axes: str = "xyz"
+    velocity: Vector | None = None
+    path: checks.Timeline | None = None
+    turn: Turn | None = None
+    release: float | None = None
+
+    def __post_init__(self) -> None:
+        check_selection(self.where)
+        if not isinstance(self.axes, str) or not self.axes or not set(self.axes) <= set("xyz"):
+            raise FieldError("axes", 'must be letters of "xyz", as "xy" for a roller', self.axes)
+        put(self, "axes", "".join(axis for axis in "xyz" if axis in self.axes))
+        motions = {key: getattr(self, key) for key in ("velocity", "path", "turn")}
+        if sum(motion is not None for motion in motions.values()) > 1:
+            checks.exactly_one("", motions)
+        if self.velocity is not None:
+            put(self, "velocity", checks.vector("velocity", self.velocity))
+            self._check_held("velocity", self.velocity)
+        if self.path is not None:
+            put(self, "path", checks.timeline("path", self.path, 4, "(t, dx, dy, dz)"))
+            for i, row in enumerate(self.path):
+                self._check_held(f"path[{i}]", row[1:])
+        if self.turn is not None and not isinstance(self.turn, Turn):
+            raise FieldError("turn", "must be a Turn(point, axis, rate)", self.turn)
+        if self.release is not None:
+            checks.number("release", self.release, least=0.0, unit="s")
+
+    def _check_held(self, field: str, motion: tuple[float, ...]) -> None:
+        for axis, component in zip("xyz", motion, strict=True):
+            if component and axis not in self.axes:
+                problem = f"moves along {axis}, which axes = {self.axes!r} leaves free"
+                raise FieldError(field, problem, motion)
+
+    def displacement(self, points: Points, time: float) -> Points:
+        """Displacement from rest [m] at `time` [s] of held nodes at rest positions `points`.
+
+        Shape (n, 3); only the components in `axes` are prescribed.
+        """
+        if self.velocity is not None:
+            return np.broadcast_to(np.array(self.velocity) * time, points.shape)
+        if self.path is not None:
+            rows = np.array(self.path)
+            now = [np.interp(time, rows[:, 0], rows[:, k]) for k in (1, 2, 3)]
+            return np.broadcast_to(np.array(now), points.shape)
+        if self.turn is not None:
+            return self.turn.displacement(points, time)
+        return np.zeros(points.shape)
+
+    def motion_along(self, axis: str) -> Any:
+        """What tells motions along one axis apart: equal values move nodes in the same way."""
+        k = "xyz".index(axis)
+        if self.velocity is not None and self.velocity[k]:
+            return self.velocity[k]
+        if self.path is not None and any(row[k + 1] for row in self.path):
+            return tuple((row[0], row[k + 1]) for row in self.path)
+        if self.turn is not None and self.turn.rate and abs(self.turn.axis[k]) != 1.0:
+            return self.turn
+        return "still"

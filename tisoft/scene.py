@@ -1,0 +1,196 @@
+"""Scenes: bodies, what holds and pushes them, what they fall on, and how all of it is watched.
+
+A Scene is plain data; `Simulation` makes it run and reads it again between frames, so `gravity`, a
+body's `model`, pins and loads may be replaced while it runs.  SI units throughout.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from tisoft import checks
+from tisoft.body import Body
+from tisoft.checks import FieldError, Vector, inside
+from tisoft.geometry.mesh import Mesh
+from tisoft.loads import Load, Torque
+from tisoft.models.materials import Model
+from tisoft.pins import Pin, Turn
+from tisoft.scene_parts import Box, Camera, Obstacle, Plane, Probe, Render, Sphere
+from tisoft.where import Nearest, Nodes
+
+__all__ = [
+    "Body",
+    "Box",
+    "Camera",
+    "Load",
+    "Obstacle",
+    "Pin",
+    "Plane",
+    "Probe",
+    "Render",
+    "Scene",
+    "Sphere",
+    "Torque",
+    "Turn",
+]
+
+INTEGRATORS = ("symplectic-euler", "velocity-verlet", "explicit-euler")
+MOST_FRAMES = 1e9
+
+
+@dataclass(eq=False, kw_only=True)
+class Scene:
+    """All there is to simulate.
+
+    Args:
+        gravity: [m/s²].
+        duration: simulated time [s].
+        frame_rate: frames per simulated second.
+        step: "auto" or the substep [s].
+        integrator: "symplectic-euler", "velocity-verlet" or "explicit-euler".
+        start: "plain", or "half-step" (with a step in seconds).
+        precision: "f32" or "f64".
+        checkpoint_every: frames; 0 for none.
+
+    Raises:
+        FieldError: naming the field, its value, the range and what to do.
+    """
+
+    gravity: Vector = (0.0, -9.81, 0.0)
+    duration: float = 2.0
+    frame_rate: float = 60.0
+    step: float | Literal["auto"] = "auto"
+    integrator: str = "symplectic-euler"
+    start: str = "plain"
+    precision: str = "f32"
+    checkpoint_every: int = 0
+    camera: Camera = field(default_factory=Camera)
+    render: Render = field(default_factory=Render)
+    bodies: list[Body] = field(default_factory=list)
+    obstacles: list[Obstacle] = field(default_factory=list)
+    probes: list[Probe] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._check_settings()
+
+    def add_body(
+        self,
+        mesh: Mesh,
+        model: Model,
+        name: str | None = None,
+        *,
+        velocity: Sequence[float] = (0.0, 0.0, 0.0),
+        spin: Sequence[float] = (0.0, 0.0, 0.0),
+    ) -> Body:
+        """Add a body and return it; without a name it is called body0, body1, …"""
+        taken = {body.name for body in self.bodies}
+        unused = (f"body{i}" for i in range(len(taken), 2 * len(taken) + 1))
+        start: dict[str, Any] = {"velocity": velocity, "spin": spin}  # Body makes tuples of them
+        new_name = name if name is not None else next(n for n in unused if n not in taken)
+        body = Body(new_name, mesh, model, **start)
+        if body.name in taken:
+            raise FieldError("name", "is another body's name too; choose another", body.name)
+        self.bodies.append(body)
+        return body
+
+    def add_obstacle(self, obstacle: Obstacle) -> Obstacle:
+        """Add something that bodies run into, and return it."""
+        _check_obstacle(obstacle)
+        self.obstacles.append(obstacle)
+        return obstacle
+
+    def add_probe(
+        self,
+        name: str,
+        body: Body | str,
+        *,
+        point: Sequence[float] | None = None,
+        node: int | None = None,
+    ) -> Probe:
+        """Follow the node of `body` nearest to `point` at rest [m], or its file's number `node`."""
+        place: dict[str, Any] = {"point": point, "node": node}  # Probe makes a tuple of the point
+        probe = Probe(name, body.name if isinstance(body, Body) else body, **place)
+        self.probed_node(probe)
+        if name in {other.name for other in self.probes}:
+            raise FieldError("name", "is another probe's name too; choose another", name)
+        self.probes.append(probe)
+        return probe
+
+    def body(self, name: str) -> Body:
+        """The body of this name; raises FieldError where there is none."""
+        for body in self.bodies:
+            if body.name == name:
+                return body
+        known = [body.name for body in self.bodies]
+        hint = checks.suggestion(name, known) if known else "the scene has no bodies yet"
+        raise FieldError("body", f"names no body of the scene; {hint}", name)
+
+    def probed_node(self, probe: Probe) -> tuple[Body, int]:
+        """The body that a probe looks at and the row of its `mesh.points` that it follows."""
+        body = self.body(probe.body)
+        mesh = body.mesh
+        if probe.point is not None:
+            return body, int(Nearest(probe.point).select(mesh.points)[0])
+        assert probe.node is not None
+        try:
+            return body, int(Nodes((probe.node,)).select(mesh.points, mesh.kept_nodes)[0])
+        except FieldError as error:
+            raise FieldError("node", error.problem, probe.node) from None
+
+    def validate(self) -> None:
+        """Check the whole scene again, as before it runs.
+
+        Raises:
+            FieldError: the field with its path, as body[0].pin[1].where.
+        """
+        self._check_settings()
+        if not self.bodies:
+            raise FieldError("body", "is missing: a scene needs at least one body")
+        for i, body in enumerate(self.bodies):
+            with inside(f"body[{i}]"):
+                body.validate()
+        for i, obstacle in enumerate(self.obstacles):
+            with inside(f"obstacle[{i}]"):
+                _check_obstacle(obstacle)
+        for i, probe in enumerate(self.probes):
+            with inside(f"probe[{i}]"):
+                self.probed_node(probe)
+        _check_unique("body", [body.name for body in self.bodies])
+        _check_unique("probe", [probe.name for probe in self.probes])
+
+    def _check_settings(self) -> None:
+        self.gravity = checks.vector("gravity", self.gravity, unit="m/s²")
+        checks.number("duration", self.duration, least=0.0, unit="s")
+        checks.number("frame_rate", self.frame_rate, above=0.0, unit="frames per second")
+        if not self.duration * self.frame_rate <= MOST_FRAMES:
+            problem = f"at {self.frame_rate:g} frames per second is above {MOST_FRAMES:g} frames"
+            raise FieldError("duration", problem, self.duration)
+        if isinstance(self.step, str):
+            checks.choice("step", self.step, ("auto",))
+        else:
+            checks.number("step", self.step, above=0.0, unit="s")
+        checks.choice("integrator", self.integrator, INTEGRATORS)
+        checks.choice("start", self.start, ("plain", "half-step"))
+        checks.choice("precision", self.precision, ("f32", "f64"))
+        checks.integer("checkpoint_every", self.checkpoint_every)
+        for key, value in (("integrator", "explicit-euler"), ("start", "half-step")):
+            if getattr(self, key) == value and self.step == "auto":
+                raise FieldError(key, "needs a step in seconds; give step = 1e-4 or so", value)
+        if not isinstance(self.camera, Camera):
+            raise FieldError("camera", "must be a Camera", self.camera)
+        if not isinstance(self.render, Render):
+            raise FieldError("render", "must be a Render", self.render)
+
+
+def _check_obstacle(obstacle: Any) -> None:
+    if not isinstance(obstacle, Plane | Sphere | Box):
+        raise FieldError("obstacle", "must be a Plane, a Sphere or a Box", obstacle)
+
+
+def _check_unique(kind: str, names: list[str]) -> None:
+    for i, name in enumerate(names):
+        first = names.index(name)
+        if first < i:
+            raise FieldError(f"{kind}[{i}].name", f"is the name of {kind}[{first}] too", name)

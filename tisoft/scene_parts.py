@@ -1,0 +1,140 @@
+"""The small things of a scene: obstacles, probes, camera and picture settings.
+
+All are frozen and checked once; to change one between frames, put a new one in its place.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tisoft import checks
+from tisoft.checks import FieldError, Vector, put
+
+
+@dataclass(frozen=True)
+class Plane:
+    """An obstacle: the half-space below a plane; `normal` points to the free side.
+
+    Args:
+        point: on the plane [m].
+        normal: of any length but 0; kept as a unit vector.
+        friction: Coulomb's coefficient.
+    """
+
+    point: Vector = (0.0, 0.0, 0.0)
+    normal: Vector = (0.0, 1.0, 0.0)
+    friction: float = 0.0
+
+    def __post_init__(self) -> None:
+        put(self, "point", checks.vector("point", self.point))
+        put(self, "normal", checks.direction("normal", self.normal))
+        checks.number("friction", self.friction, least=0.0)
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """An obstacle: a ball about `center` [m] of `radius` [m]; `friction` is Coulomb's."""
+
+    center: Vector
+    radius: float
+    friction: float = 0.0
+
+    def __post_init__(self) -> None:
+        put(self, "center", checks.vector("center", self.center))
+        checks.number("radius", self.radius, above=0.0, unit="m")
+        checks.number("friction", self.friction, least=0.0)
+
+
+@dataclass(frozen=True)
+class Box:
+    """An obstacle: a box along the axes about `center` [m], `size` [m]; `friction` is Coulomb's."""
+
+    center: Vector
+    size: Vector
+    friction: float = 0.0
+
+    def __post_init__(self) -> None:
+        put(self, "center", checks.vector("center", self.center))
+        put(self, "size", checks.vector("size", self.size, above=0.0, unit="m"))
+        checks.number("friction", self.friction, least=0.0)
+
+
+Obstacle = Plane | Sphere | Box
+
+
+@dataclass(frozen=True)
+class Probe:
+    """A node to follow: of the body named `body`, the one nearest to `point` at rest [m], or number
+    `node` of the mesh file.  Exactly one of point and node.
+    """
+
+    name: str
+    body: str
+    point: Vector | None = None
+    node: int | None = None
+
+    def __post_init__(self) -> None:
+        checks.name("name", self.name)
+        checks.name("body", self.body)
+        checks.exactly_one("", {"point": self.point, "node": self.node})
+        if self.point is not None:
+            put(self, "point", checks.vector("point", self.point))
+        else:
+            checks.integer("node", self.node)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Where the scene is seen from; what is left out is chosen to frame the scene.
+
+    Args:
+        eye: position [m].
+        target: the point in the middle of the picture [m].
+        up: the direction that is up in the picture; left out, against gravity.
+        fov: vertical angle of view [degrees].
+    """
+
+    eye: Vector | None = None
+    target: Vector | None = None
+    up: Vector | None = None
+    fov: float = 40.0
+
+    def __post_init__(self) -> None:
+        for field in ("eye", "target"):
+            if getattr(self, field) is not None:
+                put(self, field, checks.vector(field, getattr(self, field)))
+        if self.up is not None:
+            put(self, "up", checks.direction("up", self.up))
+        if self.eye is not None and self.eye == self.target:
+            raise FieldError("target", "is where the eye is; move one of them", self.target)
+        checks.number("fov", self.fov, least=1.0, most=170.0, unit="degrees")
+
+
+@dataclass(frozen=True)
+class Render:
+    """How pictures are drawn.
+
+    Args:
+        size: width and height [pixels].
+        color: the surface's: "stress", "strain", "speed", or a plain one per "body".
+        wireframe: draw the edges of the surface too.
+        samples: per pixel and direction, for smooth edges.
+        ground: draw obstacle planes as a checked floor.
+    """
+
+    size: tuple[int, int] = (1280, 720)
+    color: str = "body"
+    wireframe: bool = False
+    samples: int = 2
+    ground: bool = True
+
+    def __post_init__(self) -> None:
+        items = checks.sequence("size", self.size, "pixels (width, height)")
+        if len(items) != 2:
+            raise FieldError("size", "must be two numbers (width, height)", self.size)
+        size = [checks.integer(f"size[{i}]", n, least=16, most=8192) for i, n in enumerate(items)]
+        put(self, "size", (size[0], size[1]))
+        checks.choice("color", self.color, ("stress", "strain", "speed", "body"))
+        checks.flag("wireframe", self.wireframe)
+        checks.integer("samples", self.samples, least=1, most=8)
+        checks.flag("ground", self.ground)

@@ -1,0 +1,174 @@
+"""Selections of nodes by their rest positions: where a pin holds, where a load acts.
+
+Boxes and half-spaces are closed. A node on the border stays in when only rounding moved it off
+(a few units in the last place of the mesh's largest coordinate): no length in metres decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tisoft import checks
+from tisoft.checks import FieldError, Vector, put
+
+Points = NDArray[np.float64]
+NodeNumbers = NDArray[np.int64]
+
+_ROUNDING = 64 * np.finfo(np.float64).eps
+
+
+class Selection(Protocol):
+    """A rule that picks nodes."""
+
+    def select(self, points: Points, numbers: ArrayLike | None = None) -> NodeNumbers:
+        """Rows of `points` that are selected, ascending and unique.
+
+        Args:
+            points: rest positions [m], shape (nodes, 3).
+            numbers: each node's number in its file (`mesh.kept_nodes`), shape (nodes,), strictly
+                ascending; left out, nodes are numbered 0, 1, 2, …
+        """
+        ...
+
+
+def check_selection(where: Any) -> None:
+    """Raises FieldError where `where` is no selection."""
+    if not callable(getattr(where, "select", None)):
+        problem = "must be a selection, as tisoft.where.box(lo, hi) or tisoft.where.everything()"
+        raise FieldError("where", problem, where)
+
+
+def _slack(points: Points) -> float:
+    """How far rounding may have moved a node [m]."""
+    return _ROUNDING * float(np.abs(points).max(initial=0.0))
+
+
+@dataclass(frozen=True)
+class Box:
+    """Nodes with lo <= x <= hi in every component [m]; ±inf leaves a side open."""
+
+    lo: Vector
+    hi: Vector
+
+    def __post_init__(self) -> None:
+        put(self, "lo", checks.vector("box[0]", self.lo, infinite=True))
+        put(self, "hi", checks.vector("box[1]", self.hi, infinite=True))
+        for axis, lo, hi in zip("xyz", self.lo, self.hi, strict=True):
+            if lo > hi:
+                problem = f"is below box[0] in {axis} ({hi:g} < {lo:g}); swap the two numbers"
+                raise FieldError("box[1]", problem, self.hi)
+
+    def select(self, points: Points, numbers: ArrayLike | None = None) -> NodeNumbers:
+        """Nodes inside the box or on its border."""
+        slack = _slack(points)
+        inside = (points >= np.array(self.lo) - slack) & (points <= np.array(self.hi) + slack)
+        return np.flatnonzero(inside.all(axis=1))
+
+
+@dataclass(frozen=True)
+class HalfSpace:
+    """Nodes on a plane or on the side that its normal points away from."""
+
+    point: Vector
+    normal: Vector
+
+    def __post_init__(self) -> None:
+        put(self, "point", checks.vector("plane.point", self.point))
+        put(self, "normal", checks.direction("plane.normal", self.normal))
+
+    def select(self, points: Points, numbers: ArrayLike | None = None) -> NodeNumbers:
+        """Nodes on or below the plane."""
+        return np.flatnonzero((points - np.array(self.point)) @ self.normal <= _slack(points))
+
+
+@dataclass(frozen=True)
+class Nodes:
+    """Nodes by their numbers in the mesh file (0-based)."""
+
+    ids: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        items = checks.sequence("nodes", self.ids, "node numbers")
+        ids = tuple(checks.integer(f"nodes[{i}]", item) for i, item in enumerate(items))
+        put(self, "ids", ids)
+
+    def select(self, points: Points, numbers: ArrayLike | None = None) -> NodeNumbers:
+        """The nodes of these numbers.
+
+        Raises:
+            FieldError: a number that the mesh has not, or that no element uses.
+        """
+        known = np.arange(len(points)) if numbers is None else np.asarray(numbers)
+        wanted = np.unique(np.array(self.ids, dtype=np.int64))
+        places = np.searchsorted(known, wanted)
+        found = places < len(known)
+        found[found] = known[places[found]] == wanted[found]
+        if not found.all():
+            lost = int(wanted[~found][0])
+            highest = int(known[-1]) if len(known) else -1
+            why = "no element uses it" if lost < highest else f"the highest is {highest}"
+            field = f"nodes[{self.ids.index(lost)}]"
+            raise FieldError(field, f"is no node of the mesh: {why}", lost)
+        return places
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """The one node nearest to a point [m]; of equally near ones, the first."""
+
+    point: Vector
+
+    def __post_init__(self) -> None:
+        put(self, "point", checks.vector("nearest", self.point))
+
+    def select(self, points: Points, numbers: ArrayLike | None = None) -> NodeNumbers:
+        """The nearest node, as an array of one."""
+        if not len(points):
+            return np.arange(0)
+        away = points - np.array(self.point)
+        reach = float(np.abs(away).max()) or 1.0  # keeps the squares from over- and underflow
+        return np.array([np.square(away / reach).sum(axis=1).argmin()])
+
+
+@dataclass(frozen=True)
+class Everything:
+    """All nodes."""
+
+    def select(self, points: Points, numbers: ArrayLike | None = None) -> NodeNumbers:
+        """All rows."""
+        return np.arange(len(points))
+
+
+def box(lo: Sequence[float], hi: Sequence[float]) -> Box:
+    """Nodes in the closed box between the corners lo and hi [m]."""
+    return Box(_any(lo), _any(hi))
+
+
+def nodes(ids: Sequence[int]) -> Nodes:
+    """Nodes by their numbers in the mesh file."""
+    return Nodes(_any(ids))
+
+
+def plane(point: Sequence[float], normal: Sequence[float]) -> HalfSpace:
+    """Nodes on the plane through `point` [m], or on the side that `normal` points away from."""
+    return HalfSpace(_any(point), _any(normal))
+
+
+def nearest(point: Sequence[float]) -> Nearest:
+    """The node nearest to `point` [m]."""
+    return Nearest(_any(point))
+
+
+def everything() -> Everything:
+    """All nodes."""
+    return Everything()
+
+
+def _any(value: Any) -> Any:
+    """Any sequence; the dataclass checks it and keeps a tuple."""
+    return value
