@@ -1,0 +1,92 @@
+"""The ground: an endless plane that carries shadows and tiles and melts into the background.
+
+It is no colour of its own but a factor on the background, so it has no horizon.
+"""
+
+import taichi as ti
+
+from tisoft.render.geometry import Vectors, mat34, row, vec3
+
+AZIMUTHS = 12
+STEPS = 7
+HALO = 0.22  # how far things dim the ground around them, in distances from the eye to the target
+TILE = 0.045  # how much darker every other tile is
+FADE = 1.6  # distances over which the tiles fade
+
+# Plane normal·q = level; the map of undersides has the frame (texels, texels, minus height);
+# tiles: the plane's coordinates in tiles.
+Ground = ti.types.struct(
+    shown=ti.i32, normal=vec3, level=ti.f32, frame=mat34, texel=ti.f32, tiles=mat34
+)
+
+
+@ti.kernel
+def dim_ground(undersides: Vectors, ground: Ground, dim: Vectors):
+    """Share of the sky hidden from every texel of the ground, by azimuths (horizon-based)."""
+    for i, j in ti.ndrange(dim.shape[0], dim.shape[1]):
+        total = 0.0
+        for a in range(AZIMUTHS):
+            angle = 6.2831853 * (a + 0.5) / AZIMUTHS
+            dx, dy = ti.cos(angle), ti.sin(angle)
+            hidden = 0.0
+            for k in range(STEPS):
+                reach = (k + 0.5) / STEPS
+                d = HALO * reach * reach
+                x = ti.cast(j + 0.5 + dx * d / ground.texel, ti.i32)
+                y = ti.cast(i + 0.5 + dy * d / ground.texel, ti.i32)
+                if 0 <= x < undersides.shape[1] and 0 <= y < undersides.shape[0]:
+                    h = -undersides[y, x]
+                    if h < HALO:
+                        h = ti.max(h, 0.0)
+                        d2 = d * d + 1e-8
+                        fade = (1.0 - reach * reach) * (1.0 - h / HALO)
+                        hidden = ti.max(hidden, fade * d2 / (d2 + h * h))
+            total += hidden
+        dim[i, j] = total / AZIMUTHS
+
+
+@ti.func
+def dimness(q, ground: ti.template(), dim: ti.template()):
+    """Bilinear value of the map of dim_ground below a point; 0 outside."""
+    x, y = row(ground.frame, 0, q) - 0.5, row(ground.frame, 1, q) - 0.5
+    size = ti.cast(dim.shape[0] - 1, ti.f32)
+    value = 0.0
+    if 0.0 <= x < size and 0.0 <= y < size:
+        j, i = ti.cast(x, ti.i32), ti.cast(y, ti.i32)
+        fx, fy = x - j, y - i
+        low = dim[i, j] * (1.0 - fx) + dim[i, j + 1] * fx
+        high = dim[i + 1, j] * (1.0 - fx) + dim[i + 1, j + 1] * fx
+        value = low * (1.0 - fy) + high * fy
+    return value
+
+
+@ti.func
+def inverse_depth(ground: ti.template(), eye, d):
+    """1/depth of the ground along a ray; not positive where the ray misses it or comes from below."""
+    above = ground.normal.dot(eye) - ground.level
+    value = 0.0
+    if ground.shown != 0 and above > 0.0:
+        value = -ground.normal.dot(d) / above
+    return value
+
+
+@ti.func
+def stripes(x, width):
+    """Square wave of period 2 averaged over a width: 1 on even unit intervals, -1 on odd ones."""
+    return 2.0 * (ramp(x + 0.5 * width) - ramp(x - 0.5 * width)) / width
+
+
+@ti.func
+def ramp(x):
+    """Half the integral of the square wave: a triangle wave."""
+    u = 0.5 * x - ti.floor(0.5 * x)
+    return 0.5 - ti.abs(u - 0.5)
+
+
+@ti.func
+def tiles(ground: ti.template(), q, qx, qy):
+    """Checker in -1..1 filtered over a pixel, whose neighbours see qx and qy."""
+    x, y = row(ground.tiles, 0, q), row(ground.tiles, 1, q)
+    wx = ti.max(ti.abs(row(ground.tiles, 0, qx) - x), ti.abs(row(ground.tiles, 0, qy) - x), 1e-4)
+    wy = ti.max(ti.abs(row(ground.tiles, 1, qx) - y), ti.abs(row(ground.tiles, 1, qy) - y), 1e-4)
+    return stripes(x, wx) * stripes(y, wy)

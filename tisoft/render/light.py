@@ -1,0 +1,144 @@
+"""Shadows of one broad lamp, and the dimness of the ground close to what stands on it.
+
+A map holds, on a square grid, the largest third coordinate of an affine frame over what is drawn:
+towards the lamp for the shadow map, towards the ground for the map of undersides. Penumbrae widen
+with the distance from what casts them (percentage-closer soft shadows, Fernando 2005).
+"""
+
+import taichi as ti
+
+from tisoft.render.geometry import Scalars, Triples, Vectors, mat34, row, vec3, vec3d, vector
+from tisoft.render.raster import clamped, edge_functions, vec4i
+
+EMPTY = -1e9  # of a texel above which there is nothing
+CELL = 16  # texels along a coarse cell, which knows the largest value in its neighbourhood
+REACH = 14.0  # widest penumbra, in texels; below CELL, so that a neighbourhood holds it
+LAMP = 0.075  # tangent of the lamp's half angle
+TAPS = 28  # samples of a penumbra
+SEARCH = 9  # samples in search of what casts it
+
+Grid = Vectors
+
+# The lamp: unit direction towards it, the frame of its map (third row: towards the lamp), and the
+# side of a texel; lengths in distances from the eye to the target.
+Lamp = ti.types.struct(direction=vec3, frame=mat34, texel=ti.f32)
+
+
+@ti.kernel
+def map_triangles(points: Vectors, triangles: Triples, count: ti.i32, frame: mat34, grid: Grid):
+    ti.loop_config(block_dim=64)
+    for t in range(count):
+        a = vector(points, triangles[t, 0])
+        b = vector(points, triangles[t, 1])
+        c = vector(points, triangles[t, 2])
+        p0, p1, p2 = on_map(frame, a), on_map(frame, b), on_map(frame, c)
+        e0, e1, e2, det = edge_functions(p0, p1, p2)
+        height = vec3d(row(frame, 2, a), row(frame, 2, b), row(frame, 2, c)) / det
+        box = vec4i(0, 0, 0, 0)
+        if det > 0.0:
+            box = clamped(
+                ti.min(p0[0], p1[0], p2[0]), ti.min(p0[1], p1[1], p2[1]),
+                ti.max(p0[0], p1[0], p2[0]), ti.max(p0[1], p1[1], p2[1]),
+                grid.shape[1], grid.shape[0],
+            )  # fmt: skip
+        for y in range(box[1], box[3]):
+            for x in range(box[0], box[2]):
+                s = vec3d(ti.cast(x, ti.f64) + 0.5, ti.cast(y, ti.f64) + 0.5, 1.0)
+                inside = vec3d(e0.dot(s), e1.dot(s), e2.dot(s))
+                if inside.min() >= 0.0:
+                    ti.atomic_max(grid[y, x], ti.cast(inside.dot(height), ti.f32))
+
+
+@ti.func
+def on_map(frame: ti.template(), q):
+    return vec3d(row(frame, 0, q), row(frame, 1, q), 1.0)
+
+
+@ti.kernel
+def map_capsules(
+    points: Vectors,
+    first_end: ti.i32,
+    radii: Scalars,
+    count: ti.i32,
+    frame: mat34,
+    texel: ti.f32,
+    grid: Grid,
+):
+    """Capsules as flat bands as wide as they are: enough for their shadow."""
+    ti.loop_config(block_dim=64)
+    for i in range(count):
+        a, b = vector(points, first_end + 2 * i), vector(points, first_end + 2 * i + 1)
+        ax, ay, az = row(frame, 0, a), row(frame, 1, a), row(frame, 2, a)
+        bx, by, bz = row(frame, 0, b), row(frame, 1, b), row(frame, 2, b)
+        r = ti.max(radii[i] / texel, 0.6)  # thin springs keep a shadow without holes
+        box = clamped(
+            ti.min(ax, bx) - r, ti.min(ay, by) - r, ti.max(ax, bx) + r, ti.max(ay, by) + r,
+            grid.shape[1], grid.shape[0],
+        )  # fmt: skip
+        dx, dy = bx - ax, by - ay
+        length = ti.max(dx * dx + dy * dy, 1e-12)
+        for y in range(box[1], box[3]):
+            for x in range(box[0], box[2]):
+                px, py = ti.cast(x, ti.f32) + 0.5 - ax, ti.cast(y, ti.f32) + 0.5 - ay
+                u = ti.min(ti.max((px * dx + py * dy) / length, 0.0), 1.0)
+                if (px - u * dx) ** 2 + (py - u * dy) ** 2 <= r * r:
+                    ti.atomic_max(grid[y, x], az + u * (bz - az))
+
+
+@ti.kernel
+def coarsen(grid: Grid, coarse: Grid):
+    """Largest value of a cell and of the cells around it."""
+    for i, j in ti.ndrange(coarse.shape[0], coarse.shape[1]):
+        top = EMPTY
+        for y in range(ti.max(0, (i - 1) * CELL), ti.min(grid.shape[0], (i + 2) * CELL)):
+            for x in range(ti.max(0, (j - 1) * CELL), ti.min(grid.shape[1], (j + 2) * CELL)):
+                top = ti.max(top, grid[y, x])
+        coarse[i, j] = top
+
+
+@ti.func
+def closer(grid: ti.template(), x, y, height):
+    """Share of the four texels around (x, y) that lie above a height, bilinear."""
+    x0, y0 = ti.floor(x - 0.5), ti.floor(y - 0.5)
+    fx, fy = x - 0.5 - x0, y - 0.5 - y0
+    j0, i0 = ti.cast(x0, ti.i32), ti.cast(y0, ti.i32)
+    share = 0.0
+    for di, dj in ti.static(ti.ndrange(2, 2)):
+        i = ti.min(ti.max(i0 + di, 0), grid.shape[0] - 1)
+        j = ti.min(ti.max(j0 + dj, 0), grid.shape[1] - 1)
+        if grid[i, j] > height:
+            share += (fx if dj else 1.0 - fx) * (fy if di else 1.0 - fy)
+    return share
+
+
+@ti.func
+def lit(q, lamp: ti.template(), grid: ti.template(), coarse: ti.template(), disc: ti.template()):
+    """Share of the lamp that a point sees."""
+    x, y, height = row(lamp.frame, 0, q), row(lamp.frame, 1, q), row(lamp.frame, 2, q)
+    size = ti.cast(grid.shape[0], ti.f32)
+    share = 1.0
+    if 0.0 <= x < size and 0.0 <= y < size:
+        if coarse[ti.cast(y, ti.i32) // CELL, ti.cast(x, ti.i32) // CELL] > height:
+            share = 1.0 - covered(x, y, height, lamp, grid, disc)
+    return share
+
+
+@ti.func
+def covered(x, y, height, lamp: ti.template(), grid: ti.template(), disc: ti.template()):
+    last = grid.shape[0] - 1
+    total, found = 0.0, 0
+    for k in range(SEARCH):
+        j = ti.min(ti.max(ti.cast(x + REACH * disc[TAPS + k, 0], ti.i32), 0), last)
+        i = ti.min(ti.max(ti.cast(y + REACH * disc[TAPS + k, 1], ti.i32), 0), last)
+        above = grid[i, j] - height
+        # Only what is far enough above to throw its penumbra as far as this tap counts.
+        if above * LAMP >= (disc[TAPS + k, 2] * REACH - 2.0) * lamp.texel and above > 0.0:
+            total += above
+            found += 1
+    share = 0.0
+    radius = 1.0
+    if found > 0:
+        radius = ti.min(ti.max(LAMP * total / (found * lamp.texel), 1.0), REACH)
+    for k in range(TAPS):
+        share += closer(grid, x + radius * disc[k, 0], y + radius * disc[k, 1], height)
+    return share / TAPS
