@@ -7,10 +7,10 @@ its own name in front (`FieldError.inside`), so that a scene file can say `body[
 from __future__ import annotations
 
 import difflib
+import itertools
 import json
 import math
 import re
-import reprlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from numbers import Integral, Real
@@ -28,9 +28,6 @@ LARGEST = 1e100
 """Numbers beyond this are refused: their cubes, as a volume's, would leave the range of floats."""
 
 _ABSENT: Any = object()
-_short = reprlib.Repr()
-_short.maxstring = _short.maxother = 60
-_short.maxlevel = 3
 
 
 class FieldError(SceneError):
@@ -41,7 +38,12 @@ class FieldError(SceneError):
         self.problem = problem
         self.value = value
         given = "" if value is _ABSENT else f" = {shown(value)}"
-        super().__init__(f"{field}{given} {problem}")
+        super().__init__(f"{field}{given} {problem}".lstrip())
+
+    @property
+    def has_value(self) -> bool:
+        """Whether the sentence shows a value."""
+        return self.value is not _ABSENT
 
     def inside(self, holder: str) -> FieldError:
         """The same error, seen from `holder`: field "poisson" in "body[0]" is "body[0].poisson"."""
@@ -63,20 +65,29 @@ def joined(holder: str, field: str) -> str:
     return f"{holder}{dot}{field}"
 
 
-def shown(value: Any) -> str:
-    """A value as a user wrote it, on one line and short, whatever it is."""
+def shown(value: Any, depth: int = 3) -> str:
+    """A value as a user would write it in TOML: one line, short, whatever it is."""
+    if isinstance(value, (np.ndarray, np.generic)):
+        value = value.tolist()
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
         return json.dumps(value if len(value) <= 60 else value[:57] + "…", ensure_ascii=False)
-    if isinstance(value, np.ndarray):
-        value = value.tolist()
-    if isinstance(value, np.generic):
-        value = value.item()
+    if isinstance(value, (dict, list, tuple)):
+        if depth == 0:
+            return "…"
+        parts = list(itertools.islice(value, 6))
+        if isinstance(value, dict):
+            texts = [f"{shown_key(str(key))} = {shown(value[key], depth - 1)}" for key in parts]
+        else:
+            texts = [shown(part, depth - 1) for part in parts]
+        text = ", ".join(texts + ["…"] * (len(value) > len(parts)))
+        return f"{{ {text} }}" if isinstance(value, dict) else f"[{text}]"
     try:
-        return _short.repr(value).replace("\n", " ")
-    except (ValueError, RecursionError):  # an integer of more digits than Python cares to print
-        return f"a {type(value).__name__} too long to print"
+        text = str(value)
+    except ValueError:  # an integer of more digits than Python cares to print
+        return "a number of thousands of digits"
+    return " ".join((text if len(text) <= 100 else text[:97] + "…").split())
 
 
 def shown_key(key: str) -> str:
@@ -129,7 +140,9 @@ def number(
         result = float(value)
     except OverflowError:
         result = math.inf
-    if not abs(result) <= LARGEST and not (infinite and abs(result) == math.inf):
+    if infinite and math.isinf(result):
+        return result
+    if not abs(result) <= LARGEST:
         problem = f"must be {what} that is finite and at most {LARGEST:g} in size"
         raise FieldError(field, problem, value)
     if not (least <= result <= most and above < result < below):
@@ -163,7 +176,8 @@ def _kind(value: Any) -> str:
 def integer(field: str, value: Any, *, least: int = 0, most: int = 2**31 - 1) -> int:
     """The value as a whole number with least <= it <= most."""
     if isinstance(value, bool) or not isinstance(value, Integral):
-        raise FieldError(field, f"must be a whole number, not {_kind(value)}", value)
+        kind = "one with a point" if isinstance(value, float) else _kind(value)
+        raise FieldError(field, f"must be a whole number, not {kind}", value)
     if not least <= int(value) <= most:
         raise FieldError(field, f"must be at least {least} and at most {most}", value)
     return int(value)
@@ -263,3 +277,8 @@ def array(field: str, value: Any, check: Callable[[str, Any], float]) -> NDArray
 def put(part: Any, field: str, value: Any) -> None:
     """Keep a checked value in a frozen dataclass, while it is being made."""
     object.__setattr__(part, field, value)
+
+
+def keep_number(part: Any, field: str, **limits: Any) -> None:
+    """Check a number of a frozen dataclass, as `number` does, and keep it as a float."""
+    put(part, field, number(field, getattr(part, field), **limits))

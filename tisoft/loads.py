@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tisoft import checks
-from tisoft.checks import FieldError, Vector, put
+from tisoft.checks import FieldError, Vector, keep_number, put
 from tisoft.where import Selection, check_selection
 
 
@@ -22,7 +22,7 @@ class Torque:
     def __post_init__(self) -> None:
         put(self, "point", checks.vector("point", self.point))
         put(self, "axis", checks.direction("axis", self.axis))
-        checks.number("moment", self.moment, unit="N·m")
+        keep_number(self, "moment", unit="N·m")
 
 
 @dataclass(frozen=True)
@@ -60,18 +60,18 @@ class Load:
         if kind in ("force", "traction"):
             put(self, kind, checks.vector(kind, getattr(self, kind)))
         elif kind == "pressure":
-            checks.number("pressure", self.pressure, unit="Pa")
+            keep_number(self, "pressure", unit="Pa")
         elif not isinstance(self.torque, Torque):
             raise FieldError("torque", "must be a Torque(point, axis, moment)", self.torque)
         self._check_times()
 
     def _check_times(self) -> None:
-        checks.number("start", self.start, least=0.0, unit="s")
+        keep_number(self, "start", least=0.0, unit="s")
         if self.end is not None:
             remedy = f"a load cannot end before its start at {self.start:g} s"
-            checks.number("end", self.end, above=self.start, unit="s", remedy=remedy)
+            keep_number(self, "end", above=self.start, unit="s", remedy=remedy)
         if self.ramp is not None:
-            checks.number("ramp", self.ramp, above=0.0, unit="s")
+            keep_number(self, "ramp", above=0.0, unit="s")
         if self.table is not None:
             put(self, "table", checks.timeline("table", self.table, 2, "(t, factor)"))
             if self.start or self.end is not None or self.ramp is not None:

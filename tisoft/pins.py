@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft import checks
-from tisoft.checks import FieldError, Vector, put
+from tisoft.checks import FieldError, Vector, keep_number, put
 from tisoft.where import Selection, check_selection
 
 Points = NDArray[np.float64]
@@ -27,7 +27,7 @@ class Turn:
     def __post_init__(self) -> None:
         put(self, "point", checks.vector("point", self.point))
         put(self, "axis", checks.direction("axis", self.axis))
-        checks.number("rate", self.rate, unit="rad/s")
+        keep_number(self, "rate", unit="rad/s")
 
     def displacement(self, points: Points, time: float) -> Points:
         """How far rest positions [m], shape (n, 3), have been turned at `time` [s] (Rodrigues)."""
@@ -79,7 +79,7 @@ class Pin:
         if self.turn is not None and not isinstance(self.turn, Turn):
             raise FieldError("turn", "must be a Turn(point, axis, rate)", self.turn)
         if self.release is not None:
-            checks.number("release", self.release, least=0.0, unit="s")
+            keep_number(self, "release", least=0.0, unit="s")
 
     def _check_held(self, field: str, motion: tuple[float, ...]) -> None:
         for axis, component in zip("xyz", motion, strict=True):

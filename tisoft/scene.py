@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from tisoft import checks
 from tisoft.body import Body
-from tisoft.checks import FieldError, Vector, inside
+from tisoft.checks import FieldError, Vector, inside, keep_number
 from tisoft.geometry.mesh import Mesh
 from tisoft.loads import Load, Torque
 from tisoft.models.materials import Model
@@ -162,15 +162,15 @@ class Scene:
 
     def _check_settings(self) -> None:
         self.gravity = checks.vector("gravity", self.gravity, unit="m/s²")
-        checks.number("duration", self.duration, least=0.0, unit="s")
-        checks.number("frame_rate", self.frame_rate, above=0.0, unit="frames per second")
+        keep_number(self, "duration", least=0.0, unit="s")
+        keep_number(self, "frame_rate", above=0.0, unit="frames per second")
         if not self.duration * self.frame_rate <= MOST_FRAMES:
             problem = f"at {self.frame_rate:g} frames per second is above {MOST_FRAMES:g} frames"
             raise FieldError("duration", problem, self.duration)
         if isinstance(self.step, str):
             checks.choice("step", self.step, ("auto",))
         else:
-            checks.number("step", self.step, above=0.0, unit="s")
+            keep_number(self, "step", above=0.0, unit="s")
         checks.choice("integrator", self.integrator, INTEGRATORS)
         checks.choice("start", self.start, ("plain", "half-step"))
         checks.choice("precision", self.precision, ("f32", "f64"))

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from tisoft import checks
-from tisoft.checks import FieldError, Vector, put
+from tisoft.checks import FieldError, Vector, keep_number, put
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Plane:
     def __post_init__(self) -> None:
         put(self, "point", checks.vector("point", self.point))
         put(self, "normal", checks.direction("normal", self.normal))
-        checks.number("friction", self.friction, least=0.0)
+        keep_number(self, "friction", least=0.0)
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,8 @@ class Sphere:
 
     def __post_init__(self) -> None:
         put(self, "center", checks.vector("center", self.center))
-        checks.number("radius", self.radius, above=0.0, unit="m")
-        checks.number("friction", self.friction, least=0.0)
+        keep_number(self, "radius", above=0.0, unit="m")
+        keep_number(self, "friction", least=0.0)
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Box:
     def __post_init__(self) -> None:
         put(self, "center", checks.vector("center", self.center))
         put(self, "size", checks.vector("size", self.size, above=0.0, unit="m"))
-        checks.number("friction", self.friction, least=0.0)
+        keep_number(self, "friction", least=0.0)
 
 
 Obstacle = Plane | Sphere | Box
@@ -107,7 +107,7 @@ class Camera:
             put(self, "up", checks.direction("up", self.up))
         if self.eye is not None and self.eye == self.target:
             raise FieldError("target", "is where the eye is; move one of them", self.target)
-        checks.number("fov", self.fov, least=1.0, most=170.0, unit="degrees")
+        keep_number(self, "fov", least=1.0, most=170.0, unit="degrees")
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft import checks
-from tisoft.checks import FieldError, put
+from tisoft.checks import FieldError, keep_number, put
 
 MassKind = Literal["lumped", "consistent"]
 
@@ -55,11 +55,11 @@ def young_and_poisson(lame_lambda: float, lame_mu: float) -> tuple[float, float]
 
 def _check_damping(model: SolidModel | MassSpring) -> None:
     """The fields that both families share: point damping and the damping ratio."""
-    _keep(model, "point_damping", least=0.0, unit="1/s")
+    keep_number(model, "point_damping", least=0.0, unit="1/s")
     if model.damping_ratio is not None:
-        _keep(model, "damping_ratio", least=0.0)
+        keep_number(model, "damping_ratio", least=0.0)
     if model.damping_at is not None:
-        _keep(model, "damping_at", above=0.0, unit="Hz")
+        keep_number(model, "damping_at", above=0.0, unit="Hz")
         if model.damping_ratio is None:
             raise FieldError("damping_at", "needs a damping_ratio beside it", model.damping_at)
 
@@ -97,12 +97,12 @@ class SolidModel:
     masses: ClassVar[tuple[MassKind, ...]] = ("lumped",)
 
     def __post_init__(self) -> None:
-        _keep(self, "young", above=0.0, unit="Pa")
-        _keep(self, "poisson", above=-1.0, below=0.5, remedy=_INCOMPRESSIBLE)
-        _keep(self, "density", above=0.0, unit="kg/m³")
-        _keep(self, "eta", least=0.0, unit="Pa·s")
+        keep_number(self, "young", above=0.0, unit="Pa")
+        keep_number(self, "poisson", above=-1.0, below=0.5, remedy=_INCOMPRESSIBLE)
+        keep_number(self, "density", above=0.0, unit="kg/m³")
+        keep_number(self, "eta", least=0.0, unit="Pa·s")
         least = -2.0 * self.eta / 3.0
-        _keep(self, "phi", least=least, unit="Pa·s", remedy="below it gives energy")
+        keep_number(self, "phi", least=least, unit="Pa·s", remedy="below it gives energy")
         _check_damping(self)
         checks.choice("mass", self.mass, ("lumped", "consistent"))
         if self.mass not in self.masses:
@@ -195,8 +195,8 @@ class MassSpring:
     def __post_init__(self) -> None:
         for field, unit in (("young", "Pa"), ("density", "kg/m³"), ("thickness", "m")):
             if getattr(self, field) is not None:
-                _keep(self, field, above=0.0, unit=unit)
-        _keep(self, "spring_damping", least=0.0, unit="N·s/m")
+                keep_number(self, field, above=0.0, unit=unit)
+        keep_number(self, "spring_damping", least=0.0, unit="N·s/m")
         _check_damping(self)
         if self.damping_ratio is not None and self.spring_damping:
             raise FieldError("damping_ratio", "excludes spring_damping: it is turned into it")
@@ -287,10 +287,6 @@ def _positive(field: str, value: Any, unit: str, items: Any = None) -> Any:
     if items is None and not isinstance(value, (list, tuple, np.ndarray)):
         return checks.number(field, value, above=0.0, unit=unit)
     return checks.array(field, value, lambda f, v: checks.number(f, v, above=0.0, unit=unit))
-
-
-def _keep(model: SolidModel | MassSpring, field: str, **limits: Any) -> None:
-    put(model, field, checks.number(field, getattr(model, field), **limits))
 
 
 Model = SolidModel | MassSpring

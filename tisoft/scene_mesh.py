@@ -1,0 +1,191 @@
+"""The table [body.mesh]: a file, a shape made by rule or a bare net, and where it is put."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tisoft import checks
+from tisoft.checks import FieldError, inside, joined
+from tisoft.errors import MeshError
+from tisoft.geometry import shapes
+from tisoft.geometry.mesh import Mesh
+from tisoft.models.materials import MassSpring, Model
+from tisoft.scene_keys import Table, check_keys
+
+MOST_ELEMENTS = 20_000_000
+"""Tets or springs that a shape may have: about 5 GB in the solver, with 250 bytes a tet."""
+
+TRANSFORM = ("scale", "rotate", "translate")
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A mesh made by rule.
+
+    `make` builds it from its keys, `check` maps each key to what its value must be, and `count`
+    estimates its elements before it is built.
+    """
+
+    make: Callable[..., Mesh]
+    check: dict[str, Callable[[str, Any], Any]]
+    count: Callable[[Table], float]
+    optional: tuple[str, ...] = ()
+
+
+def _lengths(count: int) -> Callable[[str, Any], Any]:
+    return lambda field, value: checks.numbers(field, value, count, "lengths", above=0.0, unit="m")
+
+
+def _length(field: str, value: Any) -> float:
+    return checks.number(field, value, above=0.0, unit="m")
+
+
+def _cells(count: int) -> Callable[[str, Any], Any]:
+    def check(field: str, value: Any) -> list[int]:
+        items = checks.sequence(field, value, "whole numbers")
+        if len(items) != count:
+            raise FieldError(field, f"must be {count} whole numbers, not {len(items)}", value)
+        return [_count(f"{field}[{i}]", item) for i, item in enumerate(items)]
+
+    return check
+
+
+def _count(field: str, value: Any) -> int:
+    return checks.integer(field, value, least=1)
+
+
+def _split(field: str, value: Any) -> str:
+    return checks.choice(field, value, ("five", "six"))
+
+
+def _layered(keys: Table) -> float:
+    """Tets of a cylinder: 18 resolution² a layer, in layers about as high as tets are wide."""
+    layers = max(1.0, keys["height"] / keys["radius"] * keys["resolution"])
+    return 18.0 * keys["resolution"] ** 2 * layers
+
+
+SHAPES: dict[str, Shape] = {
+    "box": Shape(
+        shapes.box,
+        {"size": _lengths(3), "cells": _cells(3), "split": _split},
+        lambda keys: (6.0 if keys.get("split") == "six" else 5.0) * math.prod(keys["cells"]),
+        ("split",),
+    ),
+    "ball": Shape(
+        shapes.ball,
+        {"radius": _length, "resolution": _count},
+        lambda keys: 20.0 * keys["resolution"] ** 3,
+    ),
+    "cylinder": Shape(
+        shapes.cylinder, {"radius": _length, "height": _length, "resolution": _count}, _layered
+    ),
+    "cloth": Shape(
+        shapes.cloth,
+        {"size": _lengths(2), "cells": _cells(2), "diagonals": checks.flag},
+        lambda keys: 4.0 * math.prod(keys["cells"]),
+        ("diagonals",),
+    ),
+    "grid": Shape(
+        shapes.grid,
+        {"size": _lengths(3), "cells": _cells(3), "diagonals": checks.flag},
+        lambda keys: 9.0 * math.prod(keys["cells"]),
+        ("diagonals",),
+    ),
+}
+
+SOURCES = ("file", *SHAPES, "points")
+
+
+def build_mesh(table: Any, field: str, folder: Path, model: Model) -> Mesh:
+    """The mesh that a table describes.
+
+    Args:
+        table: the value of `mesh`.
+        field: its path, as body[0].mesh.
+        folder: the scene file's, from where `file` is found.
+        model: of the body; a bare net of `points` takes its springs.
+
+    Raises:
+        FieldError: the key with its path, its value, and what to do.
+    """
+    check_keys(table, field, (*SOURCES, *TRANSFORM))
+    source = checks.exactly_one(field, {key: table.get(key) for key in SOURCES})
+    with inside(field):
+        scale = checks.number("scale", table.get("scale", 1.0), above=0.0)
+        rotate = checks.vector("rotate", table.get("rotate", (0.0, 0.0, 0.0)), unit="degrees")
+        translate = checks.vector("translate", table.get("translate", (0.0, 0.0, 0.0)), unit="m")
+    path = joined(field, source)
+    try:
+        if source == "file":
+            mesh = _read(path, table["file"], folder)
+        elif source == "points":
+            mesh = _net(path, table["points"], model)
+        else:
+            mesh = _shape(path, table[source], SHAPES[source])
+        if any(key in table for key in TRANSFORM):
+            path = field
+            mesh = mesh.transformed(scale=scale, rotate=rotate, translate=translate)
+        return mesh
+    except MeshError as error:
+        raise FieldError(path, f"is no usable mesh: {error}", table.get(source)) from None
+
+
+def _read(field: str, name: Any, folder: Path) -> Mesh:
+    if not isinstance(name, str) or not name.isprintable() or not name:
+        raise FieldError(field, 'must be the name of a mesh file, as "jelly.vtu"', name)
+    path = folder / name
+    try:
+        if path.is_dir():
+            raise FieldError(field, "is a folder; name a mesh file in it", name)
+        if not path.exists():
+            problem = f"is not found; looked in {path.parent}, the path counts from the scene file"
+            raise FieldError(field, problem, name)
+        if not path.is_file():
+            raise FieldError(field, "is a device or a pipe; name a mesh file", name)
+        from tisoft.geometry.files import read_mesh  # meshio is slow to import
+
+        return read_mesh(path)
+    except OSError as error:
+        raise FieldError(field, f"cannot be read: {error.strerror or error}", name) from None
+
+
+def _net(field: str, value: Any, model: Model) -> Mesh:
+    rows = checks.sequence(field, value, "positions [x, y, z]")
+    points = [checks.vector(f"{field}[{i}]", row) for i, row in enumerate(rows)]
+    if not points:
+        raise FieldError(field, "has no positions; give rows [x, y, z]", value)
+    if not isinstance(model, MassSpring) or isinstance(model.springs, str):
+        problem = 'needs model = "mass-spring" and rows of springs beside it, as springs = [[0, 1]]'
+        raise FieldError(field, problem)
+    _check_nodes(model.springs, len(points))
+    return shapes.net(points, model.springs)
+
+
+def _check_nodes(springs: Any, count: int) -> None:
+    wrong = np.argwhere(springs >= count)
+    if len(wrong):
+        row, end = (int(k) for k in wrong[0])
+        problem = f"is no point of the mesh: the highest is {count - 1}, counted from 0"
+        raise FieldError(f"springs[{row}][{end}]", problem, int(springs[row, end]))
+
+
+def _shape(field: str, table: Any, shape: Shape) -> Mesh:
+    check_keys(table, field, shape.check)
+    keys = {}
+    for key, check in shape.check.items():
+        if key in table:
+            keys[key] = check(joined(field, key), table[key])
+        elif key not in shape.optional:
+            raise FieldError(joined(field, key), "is missing")
+    count = shape.count(keys)
+    if count > MOST_ELEMENTS:
+        finest = joined(field, "cells" if "cells" in keys else "resolution")
+        problem = f"makes {count:.3g} elements, more than {MOST_ELEMENTS:,}; take a coarser mesh"
+        raise FieldError(finest, problem, table[finest.rsplit(".", 1)[1]])
+    return shape.make(**keys)
