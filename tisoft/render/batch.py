@@ -45,7 +45,7 @@ class Batch:
         self.normals = upload(np.zeros((self.vertex_count, 3), dtype=np.float32))
         self.colors = upload(np.zeros((self.starts[-1], 3), dtype=np.float32))
         self.radii = upload(np.zeros(self.capsule_count, dtype=np.float32))
-        self._colored: list[Any] = []
+        self._radius = 0.0
 
     def _upload_topology(self, smooth: list[Any]) -> None:
         nothing = np.zeros((0, 3), dtype=np.int32)
@@ -87,6 +87,7 @@ class Batch:
         if self.capsule_count:
             counts = np.diff(self.starts)[len(self.surfaces) :] // 2
             radii = np.repeat([item.radius / distance for item in self.capsules], counts)
+            self._radius = float(radii.max())
             self.radii.from_numpy(radii.astype(np.float32))
         self._place_colors()
 
@@ -99,3 +100,10 @@ class Batch:
             colors = np.concatenate(rows)
             if len(colors):
                 self.colors.from_numpy(np.ascontiguousarray(colors))
+
+    def points_and_radius(self) -> tuple[NDArray[np.float64], float]:
+        """All finite points, in NumPy, and the largest radius around them."""
+        if self.starts[-1] == 0:
+            return np.zeros((0, 3)), 0.0
+        points = self.points.to_numpy().astype(np.float64)
+        return points[np.isfinite(points).all(axis=1)], self._radius

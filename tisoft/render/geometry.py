@@ -19,12 +19,16 @@ Keys = ti.types.ndarray(dtype=ti.i64, ndim=1)
 NEAR = 1e-3  # nearest depth drawn, in distances from the eye to the target
 
 # The frustum: unit forward, and right and up as long as the tangents of the half opening angles;
-# width and height in samples, `per_pixel` of them along a pixel's side.
+# width and height in samples, `per_pixel` of them along a pixel's side. The ray through the sample
+# place (x, y) is corner + x across + y down, one unit long along forward.
 View = ti.types.struct(
     eye=vec3,
     right=vec3,
     up=vec3,
     forward=vec3,
+    corner=vec3,
+    across=vec3,
+    down=vec3,
     width=ti.i32,
     height=ti.i32,
     per_pixel=ti.i32,
@@ -54,9 +58,7 @@ def safe_unit(v):
 @ti.func
 def ray(view: ti.template(), x, y):
     """Direction through a point of the picture (in samples); one unit long along forward."""
-    sx = 2.0 * x / ti.cast(view.width, ti.f32) - 1.0
-    sy = 1.0 - 2.0 * y / ti.cast(view.height, ti.f32)
-    return view.forward + sx * view.right + sy * view.up
+    return view.corner + x * view.across + y * view.down
 
 
 @ti.func

@@ -6,6 +6,7 @@ It is no colour of its own but a factor on the background, so it has no horizon.
 import taichi as ti
 
 from tisoft.render.geometry import Vectors, mat34, row, vec3
+from tisoft.render.light import bilinear
 
 AZIMUTHS = 12
 STEPS = 7
@@ -13,10 +14,11 @@ HALO = 0.22  # how far things dim the ground around them, in distances from the 
 TILE = 0.045  # how much darker every other tile is
 FADE = 1.6  # distances over which the tiles fade
 
-# Plane normal·q = level; the map of undersides has the frame (texels, texels, minus height);
-# tiles: the plane's coordinates in tiles.
+# Plane normal·q = level; inverse depth at the place (x, y) of the picture as x, y and constant coefficients,
+# zero where there is no ground to see; the frame of the map of undersides (texels, texels, minus
+# height) and the side of a texel; the plane's coordinates in tiles.
 Ground = ti.types.struct(
-    shown=ti.i32, normal=vec3, level=ti.f32, frame=mat34, texel=ti.f32, tiles=mat34
+    normal=vec3, level=ti.f32, inverse=vec3, frame=mat34, texel=ti.f32, tiles=mat34
 )
 
 
@@ -47,27 +49,14 @@ def dim_ground(undersides: Vectors, ground: Ground, dim: Vectors):
 
 @ti.func
 def dimness(q, ground: ti.template(), dim: ti.template()):
-    """Bilinear value of the map of dim_ground below a point; 0 outside."""
-    x, y = row(ground.frame, 0, q) - 0.5, row(ground.frame, 1, q) - 0.5
-    size = ti.cast(dim.shape[0] - 1, ti.f32)
-    value = 0.0
-    if 0.0 <= x < size and 0.0 <= y < size:
-        j, i = ti.cast(x, ti.i32), ti.cast(y, ti.i32)
-        fx, fy = x - j, y - i
-        low = dim[i, j] * (1.0 - fx) + dim[i, j + 1] * fx
-        high = dim[i + 1, j] * (1.0 - fx) + dim[i + 1, j + 1] * fx
-        value = low * (1.0 - fy) + high * fy
-    return value
+    """Share of the sky hidden from the ground below a point."""
+    return bilinear(dim, row(ground.frame, 0, q), row(ground.frame, 1, q))
 
 
 @ti.func
-def inverse_depth(ground: ti.template(), eye, d):
-    """1/depth of the ground along a ray; not positive where the ray misses it or comes from below."""
-    above = ground.normal.dot(eye) - ground.level
-    value = 0.0
-    if ground.shown != 0 and above > 0.0:
-        value = -ground.normal.dot(d) / above
-    return value
+def inverse_depth(ground: ti.template(), x, y):
+    """1/depth of the ground at a place of the picture; not positive where it is not seen."""
+    return ground.inverse[0] * x + ground.inverse[1] * y + ground.inverse[2]
 
 
 @ti.func

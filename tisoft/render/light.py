@@ -11,11 +11,16 @@ from tisoft.render.geometry import Scalars, Triples, Vectors, mat34, row, vec3, 
 from tisoft.render.raster import clamped, edge_functions, vec4i
 
 EMPTY = -1e9  # of a texel above which there is nothing
-CELL = 16  # texels along a coarse cell, which knows the largest value in its neighbourhood
-REACH = 14.0  # widest penumbra, in texels; below CELL, so that a neighbourhood holds it
+CELL = 32  # texels along a coarse cell, which knows the largest value in its neighbourhood
+REACH = 24.0  # widest penumbra on the ground, in texels; below CELL: a neighbourhood holds it
+REACH_ON_BODIES = 9.0
 LAMP = 0.075  # tangent of the lamp's half angle
-TAPS = 28  # samples of a penumbra
-SEARCH = 9  # samples in search of what casts it
+SEARCH = 32  # samples in search of what casts a penumbra on the ground
+SEARCH_ON_BODIES = 12
+TAPS = 24  # samples of a penumbra on a body
+STRIDE = 4  # every so many samples, one is taken first
+SHARPEST = 1.5  # narrowest penumbra, in texels
+GROUND_TAPS = 80  # on the ground, whose shadow is wide and is computed once a texel
 
 Grid = Vectors
 
@@ -112,33 +117,98 @@ def closer(grid: ti.template(), x, y, height):
 
 
 @ti.func
-def lit(q, lamp: ti.template(), grid: ti.template(), coarse: ti.template(), disc: ti.template()):
-    """Share of the lamp that a point sees."""
-    x, y, height = row(lamp.frame, 0, q), row(lamp.frame, 1, q), row(lamp.frame, 2, q)
-    size = ti.cast(grid.shape[0], ti.f32)
-    share = 1.0
-    if 0.0 <= x < size and 0.0 <= y < size:
-        if coarse[ti.cast(y, ti.i32) // CELL, ti.cast(x, ti.i32) // CELL] > height:
-            share = 1.0 - covered(x, y, height, lamp, grid, disc)
-    return share
+def covered(
+    x, y, plane, reach, before, first, taps, lamp: ti.template(), grid: ti.template(),
+    disc: ti.template(),
+):  # fmt: skip
+    """Share of the lamp hidden from the place (x, y) of its map.
+
+    The receiver lies on a plane of height plane·(x, y, 1). Samples `before` to `first` of the
+    disc search for what casts, and `taps` from `first` on measure the penumbra.
+    """
+    last = grid.shape[0] - 1
+    total, found = 0.0, 0
+    for k in range(before, first):
+        px, py = x + reach * disc[k, 0], y + reach * disc[k, 1]
+        j = ti.min(ti.max(ti.cast(px, ti.i32), 0), last)
+        i = ti.min(ti.max(ti.cast(py, ti.i32), 0), last)
+        above = grid[i, j] - (plane[0] * px + plane[1] * py + plane[2])
+        # Only what is far enough above to throw its penumbra as far as this sample counts.
+        if above > 0.0 and above * LAMP >= (disc[k, 2] * reach - 2.0) * lamp.texel:
+            total += above
+            found += 1
+    radius = SHARPEST
+    if found > 0:
+        radius = ti.min(ti.max(LAMP * total / (found * lamp.texel), SHARPEST), reach)
+    share, few = 0.0, taps // STRIDE
+    for n in range(few):
+        share += above_plane(x, y, radius, first + STRIDE * n, plane, grid, disc)
+    if 0.0 < share < few:
+        for k in range(first, first + taps):
+            if (k - first) % STRIDE != 0:
+                share += above_plane(x, y, radius, k, plane, grid, disc)
+    else:  # most places are wholly lit or wholly dark: the first few samples tell
+        share *= STRIDE
+    return share / taps
 
 
 @ti.func
-def covered(x, y, height, lamp: ti.template(), grid: ti.template(), disc: ti.template()):
-    last = grid.shape[0] - 1
-    total, found = 0.0, 0
-    for k in range(SEARCH):
-        j = ti.min(ti.max(ti.cast(x + REACH * disc[TAPS + k, 0], ti.i32), 0), last)
-        i = ti.min(ti.max(ti.cast(y + REACH * disc[TAPS + k, 1], ti.i32), 0), last)
-        above = grid[i, j] - height
-        # Only what is far enough above to throw its penumbra as far as this tap counts.
-        if above * LAMP >= (disc[TAPS + k, 2] * REACH - 2.0) * lamp.texel and above > 0.0:
-            total += above
-            found += 1
-    share = 0.0
-    radius = 1.0
-    if found > 0:
-        radius = ti.min(ti.max(LAMP * total / (found * lamp.texel), 1.0), REACH)
-    for k in range(TAPS):
-        share += closer(grid, x + radius * disc[k, 0], y + radius * disc[k, 1], height)
-    return share / TAPS
+def above_plane(x, y, radius, k, plane, grid: ti.template(), disc: ti.template()):
+    """Share of the texels at sample k of a disc that lie above a plane."""
+    px, py = x + radius * disc[k, 0], y + radius * disc[k, 1]
+    return closer(grid, px, py, plane[0] * px + plane[1] * py + plane[2])
+
+
+@ti.func
+def near_shadow(x, y, height, coarse: ti.template()):
+    """Whether anything close to the place (x, y) of the map lies above a height."""
+    i, j = ti.cast(y, ti.i32) // CELL, ti.cast(x, ti.i32) // CELL
+    answer = False
+    if x >= 0.0 and y >= 0.0 and i < coarse.shape[0] and j < coarse.shape[1]:
+        answer = coarse[i, j] > height
+    return answer
+
+
+@ti.func
+def lit(q, lamp: ti.template(), grid: ti.template(), coarse: ti.template(), disc: ti.template()):
+    """Share of the lamp that a point of a body sees."""
+    x, y, height = row(lamp.frame, 0, q), row(lamp.frame, 1, q), row(lamp.frame, 2, q)
+    share = 1.0
+    if near_shadow(x, y, height, coarse):
+        level = vec3(0.0, 0.0, height)
+        start = SEARCH_ON_BODIES
+        share -= covered(x, y, level, REACH_ON_BODIES, 0, start, TAPS, lamp, grid, disc)
+    return share
+
+
+@ti.kernel
+def light_plane(
+    plane: vec3, lamp: Lamp, grid: Grid, coarse: Grid, disc: Vectors, shade: Grid
+):
+    """Share of the lamp hidden from a plane below all that is drawn, at every texel of the map."""
+    ti.loop_config(block_dim=256)
+    for texel in range(shade.shape[0] * shade.shape[1]):
+        i, j = texel // shade.shape[1], texel % shade.shape[1]
+        x, y = ti.cast(j, ti.f32) + 0.5, ti.cast(i, ti.f32) + 0.5
+        share = 0.0
+        # The plane falls away within the neighbourhood: take the lowest height there.
+        slack = CELL * (ti.abs(plane[0]) + ti.abs(plane[1]))
+        if near_shadow(x, y, plane[0] * x + plane[1] * y + plane[2] - slack, coarse):
+            before = SEARCH_ON_BODIES + TAPS
+            first = before + SEARCH
+            share = covered(x, y, plane, REACH, before, first, GROUND_TAPS, lamp, grid, disc)
+        shade[i, j] = share
+
+
+@ti.func
+def bilinear(grid: ti.template(), x, y):
+    """Value of a map at a place of it, between texels; 0 outside."""
+    u, v = x - 0.5, y - 0.5
+    value = 0.0
+    if 0.0 <= u < grid.shape[1] - 1 and 0.0 <= v < grid.shape[0] - 1:
+        j, i = ti.cast(u, ti.i32), ti.cast(v, ti.i32)
+        fx, fy = u - j, v - i
+        low = grid[i, j] * (1.0 - fx) + grid[i, j + 1] * fx
+        high = grid[i + 1, j] * (1.0 - fx) + grid[i + 1, j + 1] * fx
+        value = low * (1.0 - fy) + high * fy
+    return value

@@ -14,6 +14,7 @@ from tisoft.render.geometry import (
     Vectors,
     View,
     ray,
+    row,
     safe_unit,
     to_samples,
     vec3,
@@ -21,11 +22,12 @@ from tisoft.render.geometry import (
     vector,
 )
 from tisoft.render.ground import FADE, TILE, Ground, dimness, inverse_depth, tiles
-from tisoft.render.light import Lamp, lit
+from tisoft.render.light import Lamp, bilinear, lit
 from tisoft.render.raster import capsule_hit, edge_functions
 
 SKY, FLOOR = -1, -2  # what a sample sees besides primitives
 KEY = 0.80  # of the lamp on a surface that faces it
+AMBIENT = 0.40  # of the sky on the ground
 LINE = 0.55  # half width of a wireframe's lines, in pixels of a picture 720 high
 
 Bytes = ti.types.ndarray(dtype=ti.u8, ndim=1)
@@ -38,7 +40,7 @@ def backdrop(x, y):
     """Linear colour of the background; x and y run over the picture from 0 to 1."""
     u = ti.min(ti.max(y, 0.0), 1.0)
     u = u * u * (3.0 - 2.0 * u)
-    color = vec3(0.41, 0.49, 0.58) * (1.0 - u) + vec3(0.80, 0.81, 0.82) * u
+    color = vec3(0.46, 0.55, 0.66) * (1.0 - u) + vec3(0.80, 0.81, 0.82) * u
     return color * (1.0 - 0.30 * ((x - 0.5) ** 2 + (y - 0.55) ** 2))
 
 
@@ -115,32 +117,31 @@ def on_triangle(
 
 @ti.func
 def floor_color(
-    back, q, x, y, view: ti.template(), lamp: ti.template(), shadow: ti.template(),
-    coarse: ti.template(), disc: ti.template(), ground: ti.template(), dim: ti.template(),
+    back, q, x, y, view: ti.template(), lamp: ti.template(), ground: ti.template(),
+    floor_shadow: ti.template(), dim: ti.template(),
 ):  # fmt: skip
     step = ti.cast(view.per_pixel, ti.f32)
     color = back
     away = (q - view.eye).norm() - 1.0
     fade = ti.exp(-ti.max(away, 0.0) / FADE)
-    dx, dy = ray(view, x + step, y), ray(view, x, y + step)
-    wx = inverse_depth(ground, view.eye, dx)
-    wy = inverse_depth(ground, view.eye, dy)
+    wx, wy = inverse_depth(ground, x + step, y), inverse_depth(ground, x, y + step)
     if wx > 0.0 and wy > 0.0:
-        color *= 1.0 + TILE * fade * tiles(ground, q, view.eye + dx / wx, view.eye + dy / wy)
+        qx, qy = view.eye + ray(view, x + step, y) / wx, view.eye + ray(view, x, y + step) / wy
+        color *= 1.0 + TILE * fade * tiles(ground, q, qx, qy)
     lamp_part = KEY * ti.max(ground.normal.dot(lamp.direction), 0.0)
-    share = lit(q, lamp, shadow, coarse, disc)
+    share = 1.0 - bilinear(floor_shadow, row(lamp.frame, 0, q), row(lamp.frame, 1, q))
     hidden = dimness(q, ground, dim)
-    light = (lamp_part * share + 0.36 * (1.0 - 0.8 * hidden)) / (lamp_part + 0.36)
+    light = (lamp_part * share + AMBIENT * (1.0 - 0.9 * hidden)) / (lamp_part + AMBIENT)
     cool = vec3(0.96, 0.99, 1.05)
     return color * light * (cool * (1.0 - light) + light)
 
 
 @ti.func
-def seen(key, x, y, view: ti.template(), ground: ti.template()):
+def seen(key, x, y, ground: ti.template()):
     """Primitive that a sample sees, or FLOOR, or SKY."""
     what = ti.cast(key, ti.i32)  # the low half
     depth = ti.bit_cast(ti.cast(key >> 32, ti.i32), ti.f32)
-    floor = inverse_depth(ground, view.eye, ray(view, x, y))
+    floor = inverse_depth(ground, x, y)
     if key == 0:
         what = SKY
     if floor * 0.9998 > depth:  # a body at rest on the ground may sink in a little
@@ -153,7 +154,7 @@ def shade(
     keys: Keys, view: View, points: Vectors, normals: Vectors, colors: Vectors,
     triangles: Triples, item_of: Integers, items: Vectors, triangle_count: ti.i32,
     first_end: ti.i32, radii: Scalars, lamp: Lamp, shadow: Vectors, coarse: Vectors,
-    disc: Vectors, ground: Ground, dim: Vectors, curve: Bytes, picture: Pixels,
+    disc: Vectors, ground: Ground, floor_shadow: Vectors, dim: Vectors, curve: Bytes, picture: Pixels,
 ):  # fmt: skip
     """Colour of every pixel, by the curve from linear to sRGB; empties the keys for the next one."""
     ti.loop_config(block_dim=256)
@@ -162,13 +163,22 @@ def shade(
         columns = view.width // side
         left, top = (pixel % columns) * side, (pixel // columns) * side
         total = vec3(0.0, 0.0, 0.0)
+        empty = True
         for k in range(side * side):
+            empty = empty and keys[(top + k // side) * view.width + left + k % side] == 0
+        visits = side * side
+        if empty:  # all samples alike: one will do, at the pixel's middle
+            visits = 1
+        for k in range(visits):
             xk, yk = left + k % side, top + k // side
-            what = seen(keys[yk * view.width + xk], xk + 0.5, yk + 0.5, view, ground)
+            what = seen(keys[yk * view.width + xk], xk + 0.5, yk + 0.5, ground)
             count, x, y, again = 0.0, 0.0, 0.0, False
-            for j in range(side * side):
+            if empty:
+                count, x, y = 1.0, left + 0.5 * side, top + 0.5 * side
+                what = seen(ti.i64(0), x, y, ground)
+            for j in range(ti.select(empty, 0, side * side)):
                 xj, yj = left + j % side, top + j // side
-                if what == seen(keys[yj * view.width + xj], xj + 0.5, yj + 0.5, view, ground):
+                if what == seen(keys[yj * view.width + xj], xj + 0.5, yj + 0.5, ground):
                     again = again or j < k
                     count += 1.0
                     x += xj + 0.5
@@ -178,10 +188,8 @@ def shade(
                 color = backdrop(x / view.width, y / view.height)
                 d = ray(view, x, y)
                 if what == FLOOR:
-                    q = view.eye + d / inverse_depth(ground, view.eye, d)
-                    color = floor_color(
-                        color, q, x, y, view, lamp, shadow, coarse, disc, ground, dim
-                    )
+                    q = view.eye + d / inverse_depth(ground, x, y)
+                    color = floor_color(color, q, x, y, view, lamp, ground, floor_shadow, dim)
                 if what >= 0:
                     s = Surfel(vec3(0.0, 0.0, 0.0), vec3(0.0, 0.0, 0.0), items[item_of[what], 1])
                     q = view.eye
@@ -213,5 +221,5 @@ def shade(
         for k in range(side * side):
             keys[(top + k // side) * view.width + left + k % side] = 0
         for c in ti.static(range(3)):
-            level = total[c] / (side * side) * (curve.shape[0] - 1)
+            level = total[c] / visits * (curve.shape[0] - 1)
             picture[pixel, c] = curve[ti.cast(ti.min(ti.max(level + 0.5, 0.0), 4095.0), ti.i32)]
