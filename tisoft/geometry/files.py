@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from tisoft.errors import MeshError, SceneError
 from tisoft.geometry.gmsh import read_gmsh_text
 from tisoft.geometry.mesh import SpringNet, TetMesh, spring_net, tet_mesh
-from tisoft.geometry.quiet import guarded_text, no_surprises
+from tisoft.geometry.quiet import guarded, no_surprises
 from tisoft.geometry.vtk import check_vtk, read_vtu, vtk_counts
 
 Blocks = list[tuple[str, NDArray[np.int64]]]
@@ -25,6 +25,8 @@ Content = tuple[NDArray[np.float64], Blocks]
 SURFACE_SUFFIXES = (".obj", ".off", ".ply", ".stl", ".svg", ".wkt", ".vtp")
 _SOLIDS = ("hexa", "wedge", "pyramid", "polyhedron", "VTK_LAGRANGE_HEXA", "VTK_LAGRANGE_WEDGE")
 _COMPRESSED = (".gz", ".h5", ".h5m", ".med", ".cgns", ".hmf", ".e", ".exo", ".ex2", ".vtu")
+# Readers that wait for ever at the end of a file that is cut short; whether they read bytes.
+_WAITING = {"ansys": True, "mdpa": True, "nastran": False, "tecplot": False}
 _REMEDY = "tetrahedralise it first, with fTetWild, TetGen or Gmsh for instance"
 
 
@@ -104,6 +106,8 @@ def _content(path: Path) -> Content:
             rb"\s*\$(?:NOD|Comments|MeshFormat\s+[\d.]+\s+0\b)", data
         ):
             return read_gmsh_text(data)
+    import meshio  # noqa: F401  (before memory is bounded)
+
     counts = vtk_counts(path) if suffix == ".vtk" else None
     with no_surprises(path):
         points, blocks = read_vtu(path) if suffix == ".vtu" else _by_meshio(path, suffix)
@@ -120,24 +124,28 @@ def _by_meshio(path: Path, suffix: str) -> Content:
     if not endings:
         readable = " ".join(sorted(s for s in known if s not in SURFACE_SUFFIXES))
         raise MeshError(f"the suffix {suffix!r} is no mesh format; known are {readable}")
-    formats = known[max(endings, key=len)]
-    if formats[0] in ("nastran", "mdpa", "tecplot"):
-        with guarded_text(path, binary=formats[0] == "mdpa") as file:
-            mesh = meshio.read(file, file_format=formats[0])
+    (name, *_) = known[max(endings, key=len)]
+    if suffix == ".msh":
+        name = "gmsh" if b"$MeshFormat" in _head(path) else "ansys"
+    if name == "tetgen":
+        _check_tetgen(path)
+    if name in _WAITING:
+        with guarded(path, binary=_WAITING[name]) as file:
+            mesh = meshio.read(file, file_format=name)
     else:
-        if formats[0] == "tetgen":
-            _check_tetgen(path)
-        if suffix == ".msh":
-            head = path.open("rb").read(200)
-            formats = ["gmsh" if b"$MeshFormat" in head else "ansys"]
-        mesh = meshio.read(path, file_format=formats[0])
+        mesh = meshio.read(path, file_format=name)
     _check_honest(path, len(mesh.points))
-    if formats[0] == "dolfin-xml":
+    if name == "dolfin-xml":
         _check_dolfin(path, mesh)
     points = np.asarray(mesh.points, dtype=np.float64)
     if points.ndim == 2 and points.shape[1] == 2:
         points = np.column_stack([points, np.zeros(len(points))])
     return points, [(block.type, np.asarray(block.data)) for block in mesh.cells]
+
+
+def _head(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(200)
 
 
 def _check_honest(path: Path, nodes: int) -> None:

@@ -56,11 +56,16 @@ class _Bounded:
         self._beyond = 0
 
     def readline(self, *args: int) -> Any:
-        line = self._file.readline(*args)
-        self._beyond = 0 if line else self._beyond + 1
+        return self._counted(self._file.readline(*args))
+
+    def read(self, *args: int) -> Any:
+        return self._counted(self._file.read(*args))
+
+    def _counted(self, text: Any) -> Any:
+        self._beyond = 0 if text else self._beyond + 1
         if self._beyond > 3:
             raise _EofError("the file ends too early")
-        return line
+        return text
 
     def __iter__(self) -> Iterator[Any]:
         return iter(self.readline, type(self._file.readline(0))())
@@ -70,7 +75,7 @@ class _Bounded:
 
 
 @contextlib.contextmanager
-def guarded_text(path: Path, *, binary: bool) -> Iterator[Any]:
+def guarded(path: Path, *, binary: bool) -> Iterator[Any]:
     """The open file, for readers that would wait at its end for ever."""
     with path.open("rb") if binary else path.open(errors="replace") as file:
         yield _Bounded(file)
@@ -87,7 +92,7 @@ def _limited_memory(size: int) -> Iterator[None]:
         yield
         return
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
-    limit = pages * resource.getpagesize() + 2**28 + 200 * size
+    limit = pages * resource.getpagesize() + 2**27 + 200 * size
     if soft != resource.RLIM_INFINITY:
         limit = min(limit, soft)
     resource.setrlimit(resource.RLIMIT_AS, (limit, hard))

@@ -118,7 +118,7 @@ def vtk_counts(path: Path) -> tuple[int, int]:
         )
     if name != "UNSTRUCTURED_GRID":
         raise MeshError(f"it holds a {name}, no tets; convert it to an UNSTRUCTURED_GRID of tets")
-    (nodes,) = _announced(data, "POINTS", 1)
+    _announced(data, "POINTS", 1)
     cells, entries = _announced(data, "CELLS", 2)
     (types,) = _announced(data, "CELL_TYPES", 1)
     # Version 5.1 announces one offset more than cells, older ones count each cell's size too.
