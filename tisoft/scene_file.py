@@ -61,18 +61,18 @@ def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
     """
     source = Path(path)
     document = _read(source)
-    changed = "".join(f", --set {' '.join(assignment.split())}" for assignment in overrides)
-    for assignment in overrides:
+    settings = [" ".join(assignment.split())[:100] for assignment in overrides]
+    for setting, assignment in zip(settings, overrides, strict=True):
         try:
             override(document, assignment)
         except FieldError as error:
-            setting = " ".join(assignment.split())
             raise SceneError(f"{source}, --set {setting}: {error}") from None
     try:
         with np.errstate(all="ignore"):  # what leaves the range of floats is refused by name
             return _scene(document, source.parent)
     except FieldError as error:
-        raise SceneError(f"{source}{changed}: {_as_written(document, error)}") from None
+        label = "".join([str(source), *(f", --set {setting}" for setting in settings)])
+        raise SceneError(f"{label}: {_as_written(document, error)}") from None
 
 
 def _as_written(document: Table, error: FieldError) -> FieldError:
