@@ -14,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from tisoft import checks, where
+from tisoft import checks, scene_mesh, where
 from tisoft.checks import FieldError, inside, joined, suggestion
 from tisoft.errors import SceneError
+from tisoft.geometry.mesh import Mesh, SpringNet
 from tisoft.loads import Load, Torque
 from tisoft.models.materials import MODELS, Model, young_and_poisson
 from tisoft.models.presets import preset
@@ -32,7 +33,6 @@ from tisoft.scene_keys import (
     parse_toml,
     tables,
 )
-from tisoft.scene_mesh import build_mesh
 from tisoft.scene_parts import Box, Camera, Obstacle, Plane, Probe, Render, Sphere
 from tisoft.where import Selection
 
@@ -164,9 +164,10 @@ def _add_body(scene: Scene, table: Any, field: str, folder: Path) -> None:
     if "mesh" not in table:
         raise FieldError(joined(field, "mesh"), "is missing; give file, box, ball or another shape")
     try:
-        mesh = build_mesh(table["mesh"], joined(field, "mesh"), folder, model)
+        mesh = scene_mesh.build_mesh(table["mesh"], joined(field, "mesh"), folder, model)
     except FieldError as error:
         raise (error.inside(field) if error.field.startswith("springs") else error) from None
+    _check_size(scene, mesh, joined(field, "mesh"))
     start = {key: table[key] for key in ("velocity", "spin") if key in table}
     with inside(field):
         body = scene.add_body(mesh, model, table.get("name"), **start)
@@ -174,6 +175,16 @@ def _add_body(scene: Scene, table: Any, field: str, folder: Path) -> None:
         body.pins.append(_pin(pin, path))
     for path, load in tables(table, "load", field):
         body.loads.append(_load(load, path))
+
+
+def _check_size(scene: Scene, mesh: Mesh, field: str) -> None:
+    """Many bodies must not have together what one body may not have."""
+    meshes = [mesh, *(body.mesh for body in scene.bodies)]
+    count = sum(len(m.edges) if isinstance(m, SpringNet) else len(m.tets) for m in meshes)
+    if count > scene_mesh.MOST_ELEMENTS:
+        most = f"{scene_mesh.MOST_ELEMENTS:,}"
+        problem = f"brings the scene to {count:,} elements, more than {most}; take coarser meshes"
+        raise FieldError(field, problem)
 
 
 def _model_parameters(table: Any, field: str) -> tuple[str, Table]:

@@ -18,8 +18,8 @@ from tisoft.geometry.mesh import Mesh
 from tisoft.models.materials import MassSpring, Model
 from tisoft.scene_keys import Table, check_keys
 
-MOST_ELEMENTS = 20_000_000
-"""Tets or springs that a shape may have: about 5 GB in the solver, with 250 bytes a tet."""
+MOST_ELEMENTS = 10_000_000
+"""Tets or springs that the shapes of a scene may have: 5 GB while a mesh of tets is built."""
 
 TRANSFORM = ("scale", "rotate", "translate")
 
@@ -133,7 +133,8 @@ def build_mesh(table: Any, field: str, folder: Path, model: Model) -> Mesh:
             mesh = mesh.transformed(scale=scale, rotate=rotate, translate=translate)
         return mesh
     except MeshError as error:
-        raise FieldError(path, f"is no usable mesh: {error}", table.get(source)) from None
+        told = str(error).removeprefix(f"{folder / str(table[source])}: ")
+        raise FieldError(path, f"is no usable mesh: {told}", table[source]) from None
 
 
 def _read(field: str, name: Any, folder: Path) -> Mesh:

@@ -238,9 +238,9 @@ def _check_springs(model: MassSpring) -> None:
 
 def _read_rows(model: MassSpring) -> None:
     """Split rows [i, j, stiffness, rest_length] into the arrays of the fields."""
-    if isinstance(model.springs, np.ndarray) and model.springs.dtype == np.int64:
-        if model.springs.ndim == 2 and model.springs.shape[1] == 2 and _are_pairs(model.springs):
-            return  # made by this class, or as good
+    if isinstance(model.springs, np.ndarray) and _are_pairs(model.springs):
+        put(model, "springs", model.springs.astype(np.int64))
+        return
     rows = checks.sequence("springs", model.springs, "rows [i, j]")
     pairs = np.zeros((len(rows), 2), dtype=np.int64)
     own = np.full((2, len(rows)), np.nan)  # stiffness and rest length of each row
@@ -261,7 +261,10 @@ def _read_rows(model: MassSpring) -> None:
             _fill(model, field, column)
 
 
-def _are_pairs(rows: NDArray[np.int64]) -> bool:
+def _are_pairs(rows: NDArray[Any]) -> bool:
+    """Whether an array needs no reading row by row: two different nodes each."""
+    if rows.dtype.kind not in "iu" or rows.ndim != 2 or rows.shape[1] != 2:
+        return False
     return bool((rows >= 0).all() and (rows[:, 0] != rows[:, 1]).all())
 
 
