@@ -18,9 +18,9 @@ def upload(array: NDArray[Any]) -> Any:
     """A Taichi ndarray with the same content; an empty one gets a row of zeros."""
     if not len(array):
         array = np.zeros((1, *array.shape[1:]), dtype=array.dtype)
-    kind = {"i": ti.i32, "f": ti.f32}[array.dtype.kind]
-    device = ti.ndarray(kind, array.shape)
-    device.from_numpy(np.ascontiguousarray(array, dtype={"i": np.int32, "f": np.float32}[array.dtype.kind]))
+    floats = array.dtype.kind == "f"
+    device = ti.ndarray(ti.f32 if floats else ti.i32, array.shape)
+    device.from_numpy(np.ascontiguousarray(array, dtype=np.float32 if floats else np.int32))
     return device
 
 
@@ -69,16 +69,19 @@ class Batch:
 
     def holds(self, items: Sequence[Item]) -> bool:
         """Whether it was made of just these items."""
-        return len(items) == len(self.items) and all(map(lambda a, b: a is b, items, self.items))
+        if len(items) != len(self.items):
+            return False
+        return all(new is old for new, old in zip(items, self.items, strict=True))
 
     def place(self, target: NDArray[np.float64], distance: float) -> None:
         """Bring positions, normals, colours and radii up to date, about the target."""
         everything = [*self.surfaces, *self.capsules]
         for item, nodes, start in zip(everything, self.nodes, self.starts, strict=False):
-            if nodes.shape[0] and len(item.positions.shape) == 1:  # an ndarray of vectors
-                positions = host(item.positions)
-            else:
-                positions = item.positions
+            positions = item.positions
+            if len(positions.shape) == 1:  # Taichi's, of vectors
+                positions = host(positions)
+            if isinstance(positions, np.ndarray):
+                positions = np.ascontiguousarray(positions)
             geometry.place(positions, nodes, start, target, distance, self.points)
         if self.triangle_count:
             geometry.vertex_normals(

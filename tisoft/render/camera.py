@@ -1,6 +1,7 @@
 """Where a picture is taken from, and the view that frames a scene by itself.
 
-Nothing here is absolute: a scene scaled by 1000 gets a camera scaled by 1000, and so the same picture.
+Nothing here is absolute: a scene scaled by 1000 gets a camera scaled by 1000, and so the same
+picture.
 """
 
 from __future__ import annotations
@@ -112,12 +113,10 @@ def _direction(half: Vector, up: Vector) -> Vector:
     return np.cos(elevation) * level + np.sin(elevation) * up
 
 
-def _fit(
-    x: Vector, y: Vector, z: Vector, tan_x: float, tan_y: float
-) -> tuple[float, float, float]:
+def _fit(x: Vector, y: Vector, z: Vector, tan_x: float, tan_y: float) -> tuple[float, float, float]:
     """Centre and distance of the closest view for which |x - cx| <= tan_x (d + z), y alike."""
 
-    # Each bound reads  ±(x - cx)/tan <= d + z; adding an opposite pair gives the least d of an axis.
+    # Each bound reads ±(x - cx)/tan <= d + z; two opposite ones added give the least d of an axis.
     def least(a: Vector, tan: float) -> tuple[float, float, float]:
         high, low = float(np.max(a / tan - z)), float(np.max(-a / tan - z))
         return (high + low) / 2.0, high, low

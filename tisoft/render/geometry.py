@@ -1,3 +1,4 @@
+# mypy: ignore-errors
 """Points and normals of a picture, gathered from the simulation's arrays.
 
 Pictures are computed in units of the camera's distance, about its target:  q = (p - target)/D.

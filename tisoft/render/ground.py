@@ -1,3 +1,4 @@
+# mypy: ignore-errors
 """The ground: an endless plane that carries shadows and tiles and melts into the background.
 
 It is no colour of its own but a factor on the background, so it has no horizon.
@@ -14,9 +15,9 @@ HALO = 0.22  # how far things dim the ground around them, in distances from the 
 TILE = 0.045  # how much darker every other tile is
 FADE = 1.6  # distances over which the tiles fade
 
-# Plane normal·q = level; inverse depth at the place (x, y) of the picture as x, y and constant coefficients,
-# zero where there is no ground to see; the frame of the map of undersides (texels, texels, minus
-# height) and the side of a texel; the plane's coordinates in tiles.
+# Plane normal·q = level; coefficients of x, y and 1 for its inverse depth at a place (x, y) of the
+# picture, zero where there is no ground to see; the frame of the map of undersides (texels, texels,
+# minus height) and the side of a texel; the plane's coordinates in tiles.
 Ground = ti.types.struct(
     normal=vec3, level=ti.f32, inverse=vec3, frame=mat34, texel=ti.f32, tiles=mat34
 )

@@ -126,6 +126,9 @@ class SmoothVertices:
     def of(cls, points: NDArray[Any], triangles: NDArray[Any]) -> SmoothVertices:
         """Join the corners at a node whose triangles share an edge and nearly a normal."""
         count = len(triangles)
+        if count == 0:
+            nothing = np.zeros(0, dtype=np.int32)
+            return cls(nothing, nothing.reshape(0, 3), np.zeros(1, dtype=np.int32), nothing)
         corner = np.arange(3 * count).reshape(count, 3)
         pairs = [_across_edges(points, triangles, corner)]
         graph = coo_matrix(

@@ -1,3 +1,4 @@
+# mypy: ignore-errors
 """Shadows of one broad lamp, and the dimness of the ground close to what stands on it.
 
 A map holds, on a square grid, the largest third coordinate of an affine frame over what is drawn:
@@ -182,9 +183,7 @@ def lit(q, lamp: ti.template(), grid: ti.template(), coarse: ti.template(), disc
 
 
 @ti.kernel
-def light_plane(
-    plane: vec3, lamp: Lamp, grid: Grid, coarse: Grid, disc: Vectors, shade: Grid
-):
+def light_plane(plane: vec3, lamp: Lamp, grid: Grid, coarse: Grid, disc: Vectors, shade: Grid):
     """Share of the lamp hidden from a plane below all that is drawn, at every texel of the map."""
     ti.loop_config(block_dim=256)
     for texel in range(shade.shape[0] * shade.shape[1]):

@@ -1,3 +1,4 @@
+# mypy: ignore-errors
 """What every sample of the picture sees: an i64 key (1/depth, primitive), the largest one wins.
 
 Triangles are rasterised in homogeneous coordinates (Olano and Greer 1997): with the corners
@@ -18,7 +19,6 @@ from tisoft.render.geometry import (
     View,
     ray,
     to_samples,
-    vec3,
     vec3d,
     vector,
 )

@@ -9,6 +9,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import ArrayLike, NDArray
 
+from tisoft import runtime
 from tisoft.errors import SceneError
 from tisoft.render import ground as floor
 from tisoft.render import light, raster
@@ -50,6 +51,7 @@ class Renderer:
         if isinstance(ground, int | float):
             ground = GroundPlane(tuple(ground * self.up), tuple(self.up))
         self.ground = ground
+        self._generation = runtime.generation
         self._batch = Batch([])
         self._keys = ti.ndarray(ti.i64, self.width * self.height * self.samples**2)
         self._keys.fill(0)
@@ -65,6 +67,8 @@ class Renderer:
 
     def draw(self, items: Sequence[Item], camera: Camera) -> Picture:
         """The picture, shape (height, width, 3), of the items' present positions and colours."""
+        if self._generation != runtime.generation:
+            raise RuntimeError("this renderer belongs to an earlier start of Taichi; make it anew")
         if not self._batch.holds(items):
             self._batch = Batch(items)
         batch = self._batch

@@ -1,3 +1,4 @@
+# mypy: ignore-errors
 """From what every sample sees to the picture: materials, light, and averaging in linear light.
 
 Like multisampling on a GPU, a pixel is shaded once for every primitive that its samples see, at
@@ -149,77 +150,103 @@ def seen(key, x, y, ground: ti.template()):
     return what
 
 
+@ti.func
+def alike(
+    what, k, left, top, view: ti.template(), keys: ti.template(), ground: ti.template()
+):  # fmt: skip
+    """How many samples of a pixel see the same, their middle, and whether one precedes sample k."""
+    count, x, y, again = 0.0, 0.0, 0.0, False
+    for j in range(view.per_pixel * view.per_pixel):
+        xj, yj = left + j % view.per_pixel, top + j // view.per_pixel
+        if what == seen(keys[yj * view.width + xj], xj + 0.5, yj + 0.5, ground):
+            again = again or j < k
+            count += 1.0
+            x += xj + 0.5
+            y += yj + 0.5
+    return count, x / count, y / count, again
+
+
+@ti.func
+def on_capsule(
+    i, first_end, eye, d, points: ti.template(), colors: ti.template(), radii: ti.template()
+):  # fmt: skip
+    """Normal, colour and depth where a ray meets capsule i."""
+    end = first_end + 2 * i
+    a, b = vector(points, end), vector(points, end + 1)
+    t, _ = capsule_hit(eye, d, a, b, radii[i])
+    q = eye + t * d
+    u = (q - a).dot(b - a) / ti.max((b - a).norm_sqr(), 1e-20)
+    u = ti.min(ti.max(u, 0.0), 1.0)
+    base = (1.0 - u) * vector(colors, end) + u * vector(colors, end + 1)
+    return safe_unit(q - a - u * (b - a)), base, t
+
+
+@ti.func
+def body_color(
+    s: ti.template(), q, d, lamp: ti.template(), shadow: ti.template(), coarse: ti.template(),
+    disc: ti.template(), ground: ti.template(), dim: ti.template(),
+):  # fmt: skip
+    """Light from a point of a body, against the ray d that met it."""
+    to_eye = -d.normalized()
+    bent = ti.max(0.02 - s.normal.dot(to_eye), 0.0)  # smooth normals may look away
+    s.normal = safe_unit(s.normal + bent * to_eye)
+    share = 0.0
+    if s.normal.dot(lamp.direction) > -0.3:  # start off the surface, which would shade itself
+        share = lit(q + 2.0 * lamp.texel * (s.normal + lamp.direction), lamp, shadow, coarse, disc)
+    return knee(reflected(s, to_eye, ground.normal, lamp, share, dimness(q, ground, dim)))
+
+
 @ti.kernel
 def shade(
     keys: Keys, view: View, points: Vectors, normals: Vectors, colors: Vectors,
     triangles: Triples, item_of: Integers, items: Vectors, triangle_count: ti.i32,
     first_end: ti.i32, radii: Scalars, lamp: Lamp, shadow: Vectors, coarse: Vectors,
-    disc: Vectors, ground: Ground, floor_shadow: Vectors, dim: Vectors, curve: Bytes, picture: Pixels,
+    disc: Vectors, ground: Ground, floor_shadow: Vectors, dim: Vectors, curve: Bytes,
+    picture: Pixels,
 ):  # fmt: skip
-    """Colour of every pixel, by the curve from linear to sRGB; empties the keys for the next one."""
+    """Colour of every pixel, by the curve from linear to sRGB; the keys are left empty."""
     ti.loop_config(block_dim=256)
     for pixel in range(picture.shape[0]):
         side = view.per_pixel
-        columns = view.width // side
-        left, top = (pixel % columns) * side, (pixel // columns) * side
-        total = vec3(0.0, 0.0, 0.0)
-        empty = True
+        left, top = (pixel % (view.width // side)) * side, (pixel // (view.width // side)) * side
+        empty, visits = True, 1
         for k in range(side * side):
-            empty = empty and keys[(top + k // side) * view.width + left + k % side] == 0
-        visits = side * side
-        if empty:  # all samples alike: one will do, at the pixel's middle
-            visits = 1
+            if keys[(top + k // side) * view.width + left + k % side] != 0:
+                empty, visits = False, side * side
+        total = vec3(0.0, 0.0, 0.0)
         for k in range(visits):
             xk, yk = left + k % side, top + k // side
             what = seen(keys[yk * view.width + xk], xk + 0.5, yk + 0.5, ground)
-            count, x, y, again = 0.0, 0.0, 0.0, False
-            if empty:
-                count, x, y = 1.0, left + 0.5 * side, top + 0.5 * side
-                what = seen(ti.i64(0), x, y, ground)
-            for j in range(ti.select(empty, 0, side * side)):
-                xj, yj = left + j % side, top + j // side
-                if what == seen(keys[yj * view.width + xj], xj + 0.5, yj + 0.5, ground):
-                    again = again or j < k
-                    count += 1.0
-                    x += xj + 0.5
-                    y += yj + 0.5
+            count, x, y, again = 1.0, left + 0.5 * side, top + 0.5 * side, False
+            if not empty:
+                count, x, y, again = alike(what, k, left, top, view, keys, ground)
             if not again:
-                x, y = x / count, y / count
                 color = backdrop(x / view.width, y / view.height)
                 d = ray(view, x, y)
                 if what == FLOOR:
-                    q = view.eye + d / inverse_depth(ground, x, y)
-                    color = floor_color(color, q, x, y, view, lamp, ground, floor_shadow, dim)
+                    floor = inverse_depth(ground, x, y)
+                    if floor > 0.0:
+                        q = view.eye + d / floor
+                        color = floor_color(color, q, x, y, view, lamp, ground, floor_shadow, dim)
                 if what >= 0:
                     s = Surfel(vec3(0.0, 0.0, 0.0), vec3(0.0, 0.0, 0.0), items[item_of[what], 1])
-                    q = view.eye
+                    t = 0.0
                     if what < triangle_count:
+                        wire = items[item_of[what], 0]
                         s.normal, s.base, t = on_triangle(
-                            what, x, y, items[item_of[what], 0], view, points, normals, colors,
-                            triangles,
-                        )  # fmt: skip
-                        q += t * d
+                            what, x, y, wire, view, points, normals, colors, triangles
+                        )
                     else:
-                        end = first_end + 2 * (what - triangle_count)
-                        a, b = vector(points, end), vector(points, end + 1)
-                        t, _ = capsule_hit(view.eye, d, a, b, radii[what - triangle_count])
-                        q += t * d
-                        u = (q - a).dot(b - a) / ti.max((b - a).norm_sqr(), 1e-20)
-                        u = ti.min(ti.max(u, 0.0), 1.0)
-                        s.normal = safe_unit(q - a - u * (b - a))
-                        s.base = (1.0 - u) * vector(colors, end) + u * vector(colors, end + 1)
-                    to_eye = -d.normalized()
-                    bent = ti.max(0.02 - s.normal.dot(to_eye), 0.0)  # smooth normals may look away
-                    s.normal = safe_unit(s.normal + bent * to_eye)
-                    off = q + s.normal * (2.0 * lamp.texel) + lamp.direction * (2.0 * lamp.texel)
-                    share = 0.0
-                    if s.normal.dot(lamp.direction) > -0.3:
-                        share = lit(off, lamp, shadow, coarse, disc)
-                    hidden = dimness(q, ground, dim)
-                    color = knee(reflected(s, to_eye, ground.normal, lamp, share, hidden))
+                        i = what - triangle_count
+                        s.normal, s.base, t = on_capsule(
+                            i, first_end, view.eye, d, points, colors, radii
+                        )
+                    q = view.eye + t * d
+                    color = body_color(s, q, d, lamp, shadow, coarse, disc, ground, dim)
                 total += count * color
-        for k in range(side * side):
-            keys[(top + k // side) * view.width + left + k % side] = 0
+        if not empty:
+            for k in range(side * side):
+                keys[(top + k // side) * view.width + left + k % side] = 0
         for c in ti.static(range(3)):
-            level = total[c] / visits * (curve.shape[0] - 1)
-            picture[pixel, c] = curve[ti.cast(ti.min(ti.max(level + 0.5, 0.0), 4095.0), ti.i32)]
+            level = total[c] / visits * (curve.shape[0] - 1) + 0.5
+            picture[pixel, c] = curve[ti.cast(ti.min(ti.max(level, 0.0), 4095.0), ti.i32)]

@@ -1,0 +1,260 @@
+"""Pictures to files: MP4, GIF and WebP through ffmpeg, PNG, and folders of PNGs.
+
+Pictures are written as they come. A file appears under its own name only when it is whole: until
+then it has a temporary name in the same folder, which is removed when anything goes wrong. An
+interruption from the keyboard ends the film early: what was drawn so far is kept, whole.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import subprocess
+import tempfile
+import uuid
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from tisoft.errors import SceneError
+
+Picture = NDArray[np.uint8]
+
+GIF_RATE = 50.0  # browsers slow down what is faster; GIF counts in steps of 10 ms
+
+# Arguments for ffmpeg by suffix, between the input and the output.
+CODECS = {
+    ".mp4": (
+        *("-c:v", "libx264", "-preset", "medium", "-crf", "17", "-pix_fmt", "yuv420p"),
+        *("-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "iec61966-2-1"),
+        *("-vf", "scale=out_color_matrix=bt709:out_range=tv", "-movflags", "+faststart"),
+        *("-f", "mp4"),
+    ),
+    ".gif": (
+        "-filter_complex",
+        "{rate}split[a][b];[a]palettegen=stats_mode=single[p];"
+        "[b][p]paletteuse=new=1:dither=sierra2_4a",
+        *("-loop", "0", "-f", "gif"),
+    ),
+    ".webp": (
+        *("-c:v", "libwebp_anim", "-quality", "88", "-compression_level", "3"),
+        *("-loop", "0", "-f", "webp"),
+    ),
+}
+
+
+def open_sink(path: str | Path, size: tuple[int, int], frame_rate: float) -> Sink:
+    """A context into which pictures of one size (pixels) are written at a rate (1/s).
+
+    The suffix chooses: .mp4, .gif, .webp, .png (the last picture only); without a suffix, or with
+    a slash at the end, a folder of frame_00000.png and so on. Raises SceneError for another
+    suffix, a folder that cannot be written, and, while writing, a full disk.
+    """
+    folder = str(path).endswith(("/", os.sep)) or Path(path).is_dir()
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if not np.isfinite(frame_rate) or frame_rate <= 0.0:
+        raise SceneError(
+            f"The frame rate is {frame_rate}: give a positive number (frames a second)."
+        )
+    if folder or not suffix:
+        return FolderSink(path)
+    if suffix == ".png":
+        return PngSink(path)
+    if suffix in CODECS:
+        return FilmSink(path, size, frame_rate)
+    raise SceneError(
+        f"{path} cannot be written: {suffix} is none of .mp4, .gif, .webp, .png or a folder's name"
+        " without a suffix."
+    )
+
+
+class Sink:
+    """Base of what pictures are written into: write(picture) within a `with` block."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.count = 0
+        self._part = _partial_name(path)
+
+    def write(self, picture: Picture) -> None:
+        """Append a picture, shape (height, width, 3), sRGB bytes. Raises SceneError."""
+        try:
+            self._append(picture)
+        except OSError as error:
+            raise _refusal(self.path, error) from error
+        self.count += 1
+
+    def __enter__(self) -> Self:
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self._begin()
+        except OSError as error:
+            self._discard()
+            raise _refusal(self.path, error) from error
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        try:
+            if self.count and (kind is None or issubclass(kind, KeyboardInterrupt)):
+                self._finish()
+        except OSError as problem:
+            raise _refusal(self.path, problem) from problem
+        finally:
+            self._discard()
+
+    def _begin(self) -> None:
+        """Open the temporary file; an unwritable folder is told now, not after the simulation."""
+        raise NotImplementedError
+
+    def _append(self, picture: Picture) -> None:
+        raise NotImplementedError
+
+    def _finish(self) -> None:
+        """Complete the temporary file and give it its name."""
+        raise NotImplementedError
+
+    def _discard(self) -> None:
+        """Remove what is temporary, if it is still there."""
+        self._part.unlink(missing_ok=True)
+
+
+class PngSink(Sink):
+    """The last picture only."""
+
+    _last: Picture | None = None
+
+    def _begin(self) -> None:
+        self._part.touch()
+
+    def _append(self, picture: Picture) -> None:
+        self._last = picture
+
+    def _finish(self) -> None:
+        assert self._last is not None
+        Image.fromarray(self._last).save(self._part, format="PNG")
+        os.replace(self._part, self.path)
+
+
+class FolderSink(Sink):
+    """Every picture, numbered; those of an older film in the folder are replaced or removed."""
+
+    def _begin(self) -> None:
+        self._part.mkdir()
+
+    def _append(self, picture: Picture) -> None:
+        name = self._part / f"frame_{self.count:05d}.png"
+        Image.fromarray(picture).save(name, format="PNG", compress_level=3)
+
+    def _finish(self) -> None:
+        self.path.mkdir(exist_ok=True)
+        names = {part.name for part in self._part.iterdir()}
+        for name in sorted(names):
+            os.replace(self._part / name, self.path / name)
+        for old in self.path.glob("frame_[0-9][0-9][0-9][0-9][0-9].png"):
+            if old.name not in names:
+                old.unlink()
+
+    def _discard(self) -> None:
+        shutil.rmtree(self._part, ignore_errors=True)
+
+
+class FilmSink(Sink):
+    """A film, encoded by ffmpeg while it is drawn; sides are made even for MP4."""
+
+    def __init__(self, path: Path, size: tuple[int, int], frame_rate: float) -> None:
+        super().__init__(path)
+        self._suffix = path.suffix.lower()
+        self._pad = tuple(n % 2 if self._suffix == ".mp4" else 0 for n in size)
+        self._size = size
+        self._rate = frame_rate
+        self._encoder: subprocess.Popen[bytes] | None = None
+        self._log: IO[bytes] | None = None
+
+    def _begin(self) -> None:
+        import imageio_ffmpeg
+
+        self._part.touch()
+        width, height = (n + p for n, p in zip(self._size, self._pad, strict=True))
+        rate = f"fps={GIF_RATE:g}," if self._rate > GIF_RATE else ""
+        codec = [argument.replace("{rate}", rate) for argument in CODECS[self._suffix]]
+        command = [
+            *(imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error", "-nostdin"),
+            *("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}"),
+            *("-r", f"{self._rate:.9g}", "-i", "pipe:0", *codec, str(self._part)),
+        ]
+        self._log = tempfile.TemporaryFile()
+        # Its own session: Ctrl-C is for the simulation, which then ends the film properly.
+        self._encoder = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stderr=self._log, start_new_session=True
+        )
+
+    def _append(self, picture: Picture) -> None:
+        assert self._encoder is not None and self._encoder.stdin is not None
+        if any(self._pad):
+            picture = np.pad(picture, ((0, self._pad[1]), (0, self._pad[0]), (0, 0)), mode="edge")
+        try:
+            self._encoder.stdin.write(np.ascontiguousarray(picture).data)
+        except BrokenPipeError:
+            self._raise_complaint()
+
+    def _finish(self) -> None:
+        assert self._encoder is not None and self._encoder.stdin is not None
+        try:
+            self._encoder.stdin.close()
+        except BrokenPipeError:
+            pass  # the exit status tells
+        # ffmpeg ends with 0 even when the last bytes did not fit on the disk, but complains.
+        if self._encoder.wait() != 0 or self._complaint():
+            self._raise_complaint()
+        os.replace(self._part, self.path)
+
+    def _complaint(self) -> str:
+        assert self._log is not None
+        self._log.seek(0)
+        return self._log.read().decode(errors="replace").strip()
+
+    def _raise_complaint(self) -> None:
+        assert self._encoder is not None
+        self._encoder.wait()
+        text = self._complaint()
+        if os.strerror(errno.ENOSPC) in text:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        last = text.splitlines()[-1] if text else f"it ended with {self._encoder.returncode}"
+        raise SceneError(f"{self.path} could not be written; the encoder says: {last}")
+
+    def _discard(self) -> None:
+        if self._encoder is not None:
+            if self._encoder.poll() is None:
+                self._encoder.kill()
+            self._encoder.wait()
+            if self._encoder.stdin is not None:
+                try:
+                    self._encoder.stdin.close()
+                except BrokenPipeError:
+                    pass
+        if self._log is not None:
+            self._log.close()
+        super()._discard()
+
+
+def _partial_name(path: Path) -> Path:
+    """A name in the same folder that nobody else uses."""
+    return path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.part")
+
+
+def _refusal(path: Path, error: OSError) -> SceneError:
+    if error.errno == errno.ENOSPC:
+        return SceneError(f"{path} was not written: the disk is full; make room and run it again.")
+    reason = error.strerror or str(error)
+    return SceneError(f"{path} cannot be written: {reason}; choose another place with -o.")
