@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import tracemalloc
 import warnings
 
 import hypothesis
@@ -315,6 +316,17 @@ def test_bad_files_are_told_in_one_sentence_that_names_the_file(tmp_path, name, 
     assert str(caught.value).startswith(f"{path}: ")
     assert "\n" not in str(caught.value)
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("name", ["huge vtk", "gmsh huge", "vtu counts"])
+def test_announced_counts_do_not_fill_the_memory(tmp_path, name):
+    path = BAD[name][0](tmp_path)
+    tracemalloc.start()
+    with pytest.raises(MeshError):
+        read_mesh(path)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 2_000_000
 
 
 def test_missing_packages_are_named_with_their_remedy(tmp_path, monkeypatch):

@@ -93,8 +93,7 @@ def _limited_memory(size: int) -> Iterator[None]:
         return
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
     limit = pages * resource.getpagesize() + 2**27 + 200 * size
-    if soft != resource.RLIM_INFINITY:
-        limit = min(limit, soft)
+    limit = min([limit, *(bound for bound in (soft, hard) if bound != resource.RLIM_INFINITY)])
     resource.setrlimit(resource.RLIMIT_AS, (limit, hard))
     try:
         yield
