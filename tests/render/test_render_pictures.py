@@ -148,7 +148,8 @@ def test_ground_may_lie_at_any_tilt():
         item.positions = item.positions @ turn.T
     turned = Camera(*(turn @ v for v in (camera.eye, camera.target, camera.up)), fov=camera.fov)
     tilted = Renderer(SIZE, up=(0, 0, 1)).draw(items, turned).astype(int)
-    assert np.abs(tilted - straight).max() <= 2
+    changed = np.abs(tilted - straight).max(axis=2) > 2
+    assert changed.mean() < 1e-3  # samples on an edge may fall either way
 
 
 @pytest.mark.parametrize("scale", [1000.0, 1e-6])

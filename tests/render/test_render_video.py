@@ -1,9 +1,10 @@
 """Films have the right length and size, and appear whole or not at all."""
 
 import os
+import subprocess
 import sys
 
-import imageio.v2 as imageio
+import imageio_ffmpeg
 import numpy as np
 import pytest
 from PIL import Image
@@ -27,6 +28,14 @@ def film(path, count=12, rate=24.0, size=SIZE):
             sink.write(picture)
 
 
+def decoded(path, size):
+    """Frames of a film, shape (n, height, width, 3); an error if their size is another."""
+    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-i", str(path)]
+    command += ["-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
+    data = subprocess.run(command, capture_output=True, check=True).stdout
+    return np.frombuffer(data, dtype=np.uint8).reshape(-1, size[1], size[0], 3)
+
+
 def durations(path):
     with Image.open(path) as image:
         times = []
@@ -40,11 +49,10 @@ def durations(path):
 @pytest.mark.parametrize("size", [SIZE, (65, 49)])
 def test_mp4_has_every_frame_and_even_sides(tmp_path, size):
     film(tmp_path / "a.mp4", size=size)
-    with imageio.get_reader(tmp_path / "a.mp4") as reader:
-        frames = list(reader)
-        assert reader.get_meta_data()["fps"] == pytest.approx(24.0)
+    count, seconds = imageio_ffmpeg.count_frames_and_secs(tmp_path / "a.mp4")
+    assert count == 12 and seconds == pytest.approx(0.5, abs=0.02)
+    frames = decoded(tmp_path / "a.mp4", (size[0] + size[0] % 2, size[1] + size[1] % 2))
     assert len(frames) == 12
-    assert frames[0].shape == (48 + size[1] % 2, 64 + size[0] % 2, 3)
     expected = list(pictures(12, size))[6].astype(int)
     assert np.abs(frames[6][: size[1], : size[0]] - expected).mean() < 8
     assert os.listdir(tmp_path) == ["a.mp4"]
@@ -93,8 +101,7 @@ def test_an_interruption_keeps_what_was_drawn(tmp_path):
         for picture in pictures(7):
             sink.write(picture)
         raise KeyboardInterrupt
-    with imageio.get_reader(tmp_path / "a.mp4") as reader:
-        assert len(list(reader)) == 7
+    assert imageio_ffmpeg.count_frames_and_secs(tmp_path / "a.mp4")[0] == 7
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /dev/full")

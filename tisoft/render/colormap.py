@@ -15,14 +15,14 @@ from tisoft.errors import SceneError
 
 Colors = NDArray[np.float32]
 
-# Clay, sea, honey, leaf, plum, sky, coral, moss: far apart in hue, alike in lightness.
+# Clay, sea, honey, leaf, plum, lagoon, coral, moss: far apart in hue, alike in lightness.
 PALETTE = (
     (0.90, 0.36, 0.27),
     (0.22, 0.55, 0.82),
     (0.96, 0.72, 0.22),
     (0.33, 0.70, 0.45),
     (0.63, 0.41, 0.75),
-    (0.25, 0.71, 0.72),
+    (0.20, 0.72, 0.64),
     (0.93, 0.50, 0.61),
     (0.60, 0.66, 0.28),
 )

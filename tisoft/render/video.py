@@ -7,6 +7,7 @@ interruption from the keyboard ends the film early: what was drawn so far is kep
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import shutil
@@ -126,7 +127,8 @@ class Sink:
 
     def _discard(self) -> None:
         """Remove what is temporary, if it is still there."""
-        self._part.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            self._part.unlink()
 
 
 class PngSink(Sink):
@@ -210,10 +212,8 @@ class FilmSink(Sink):
 
     def _finish(self) -> None:
         assert self._encoder is not None and self._encoder.stdin is not None
-        try:
+        with contextlib.suppress(BrokenPipeError):  # the exit status tells
             self._encoder.stdin.close()
-        except BrokenPipeError:
-            pass  # the exit status tells
         # ffmpeg ends with 0 even when the last bytes did not fit on the disk, but complains.
         if self._encoder.wait() != 0 or self._complaint():
             self._raise_complaint()
@@ -239,10 +239,8 @@ class FilmSink(Sink):
                 self._encoder.kill()
             self._encoder.wait()
             if self._encoder.stdin is not None:
-                try:
+                with contextlib.suppress(BrokenPipeError):
                     self._encoder.stdin.close()
-                except BrokenPipeError:
-                    pass
         if self._log is not None:
             self._log.close()
         super()._discard()
