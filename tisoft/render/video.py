@@ -31,8 +31,8 @@ GIF_RATE = 50.0  # browsers slow down what is faster; GIF counts in steps of 10 
 # Arguments for ffmpeg by suffix, between the input and the output.
 CODECS = {
     ".mp4": (
-        *("-c:v", "libx264", "-preset", "medium", "-crf", "17", "-pix_fmt", "yuv420p"),
-        *("-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "iec61966-2-1"),
+        *("-c:v", "libx264", "-preset", "faster", "-crf", "17", "-pix_fmt", "yuv420p"),
+        *("-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"),
         *("-vf", "scale=out_color_matrix=bt709:out_range=tv", "-movflags", "+faststart"),
         *("-f", "mp4"),
     ),
