@@ -16,12 +16,12 @@ CELL = 32  # texels along a coarse cell, which knows the largest value in its ne
 REACH = 24.0  # widest penumbra on the ground, in texels; below CELL: a neighbourhood holds it
 REACH_ON_BODIES = 9.0
 LAMP = 0.075  # tangent of the lamp's half angle
-SEARCH = 32  # samples in search of what casts a penumbra on the ground
+SEARCH = 24  # samples in search of what casts a penumbra on the ground
 SEARCH_ON_BODIES = 12
 TAPS = 24  # samples of a penumbra on a body
 STRIDE = 4  # every so many samples, one is taken first
 SHARPEST = 1.5  # narrowest penumbra, in texels
-GROUND_TAPS = 80  # on the ground, whose shadow is wide and is computed once a texel
+GROUND_TAPS = 64  # on the ground, whose shadow is wide and is computed once a texel
 
 Grid = Vectors
 

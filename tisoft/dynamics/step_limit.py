@@ -1,0 +1,101 @@
+"""The stable step of a running scene: what it is, and which element sets it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tisoft import runtime
+from tisoft.dynamics.stable_step import batch_limits, longest_step, spring_frequencies
+from tisoft.dynamics.system import Part, System
+
+ROUNDING = 1.0 - 1e-5
+"""The tets' limits are computed in f32 at the least; this keeps their rounding on the safe side."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A bound on the step and the element that sets it."""
+
+    step: float
+    """[s]; inf where nothing oscillates."""
+    part: Part | None
+    element: int
+    """Number of the tet, or spring, in the body's own order."""
+    kind: str
+    """"tet", "spring" or "nothing"."""
+
+
+class StepLimit:
+    """Bounds of the tets, followed as they deform, and of the springs, which never stiffen."""
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self._launch: Callable[..., None] | None = None
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Compute the rest-state numbers again (after a material changed)."""
+        s = self.system
+        shape = (max(1, s.batches), s.lanes)
+        table = np.stack([a.reshape(shape) for a in s.element_frequencies()]).astype(s.real)
+        if self._launch is None:
+            self._modes = runtime.array(table)
+            self._limits = runtime.array(np.full(shape[0], np.inf, s.real))
+            if s.tets:
+                self._launch = runtime.bind(
+                    batch_limits, s.laws, s.lanes, s.law_starts, s.nodes, s.shapes, s.owner,
+                    s.material, s.u, self._modes, self._limits,
+                )  # fmt: skip
+        else:
+            runtime.write(self._modes, table)
+        self.springs = [self._spring_limits(part) for part in s.parts]
+        self.spring_step = min((float(a.min()) for a in self.springs if len(a)), default=np.inf)
+
+    def _spring_limits(self, part: Part) -> NDArray[np.float64]:
+        if not len(part.springs):
+            return np.empty(0)
+        omega2, rate = spring_frequencies(part.springs, part.spring_numbers, 1.0 / part.mass)
+        return longest_step(omega2, rate + part.body.model.point_damping)
+
+    def follow(self) -> None:
+        """Bring the tets' limits up to date with the present state."""
+        if self._launch is not None:
+            self._launch()
+
+    def bound(self) -> float:
+        """A step [s] that is never above the limit, in the present state."""
+        self.follow()
+        return min(float(runtime.read(self._limits).min()) * ROUNDING, self.spring_step)
+
+    def sharp(self) -> float:
+        """The stable limit at rest [s]; until it is known more sharply, the bound."""
+        return self.bound()
+
+    def limit(self) -> Limit:
+        """The bound and the element that sets it."""
+        self.follow()
+        limits = runtime.read(self._limits)
+        batch = int(np.argmin(np.where(np.isnan(limits), 0.0, limits)))
+        if self.spring_step < limits[batch]:
+            index = int(np.argmin([a.min(initial=np.inf) for a in self.springs]))
+            part = self.system.parts[index]
+            return Limit(self.spring_step, part, int(np.argmin(self.springs[index])), "spring")
+        if not self.system.tets:
+            return Limit(np.inf, None, -1, "nothing")
+        part = self.system.parts[int(runtime.read(self.system.owner)[batch])]
+        lanes = range(batch * self.system.lanes, (batch + 1) * self.system.lanes)
+        inside = np.flatnonzero(np.isin(part.place, lanes))
+        modes = runtime.read(self._modes).reshape(3, -1)[0, part.place[inside]]
+        tet = int(part.tet_order[inside[int(np.argmax(modes))]])
+        return Limit(float(limits[batch]) * ROUNDING, part, tet, "tet")
+
+    def culprit(self) -> str:
+        """The element that sets the limit, or that is no longer finite, as words."""
+        here = self.limit()
+        if here.part is None:
+            return "a node without springs"
+        return f"{here.kind} {here.element} of {here.part.body.name!r}"

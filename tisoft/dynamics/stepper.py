@@ -1,0 +1,103 @@
+"""Launches of substeps: on the CPU one kernel a frame, elsewhere two small ones a substep."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from tisoft import runtime
+from tisoft.dynamics.advance import advance_kernel
+from tisoft.dynamics.system import System
+
+LONGEST_LAUNCH = 64
+"""Substeps per launch at the most, so that Ctrl-C and a busy machine are felt soon."""
+TETS_PER_THREAD = 100
+SPRINGS_PER_TET = 3
+"""Springs that cost about as much as one tet."""
+
+
+class Pace:
+    """How many threads the next launch takes.  The count changes speed only, never a bit.
+
+    Threads meet at barriers, so on a busy machine one that must wait for a core makes all wait.
+    Where several threads turn out slower than one, one takes over for a while, twice as long each
+    time.
+    """
+
+    def __init__(self, most: int) -> None:
+        self.most = most
+        self.alone = np.inf  # seconds per substep with one thread
+        self.penalty = 1
+        self.wait = 0 if most == 1 else 1  # the first launch runs alone: what others must beat
+
+    def threads(self) -> int:
+        """Threads for the next launch."""
+        return 1 if self.wait > 0 else self.most
+
+    def took(self, threads: int, seconds: float) -> None:
+        """Note the seconds per substep of a launch."""
+        if threads == 1:
+            self.alone = min(seconds, 1.05 * self.alone)
+            self.wait -= 1
+        elif seconds > 1.2 * self.alone:
+            self.wait, self.penalty = self.penalty, min(2 * self.penalty, 64)
+        else:
+            self.penalty = 1
+
+
+class Stepper:
+    """Advances a System by substeps; see `advance` for the order of things in one."""
+
+    def __init__(
+        self, system: System, *, integrator: int, contact: bool, loads: bool, viscous: bool,
+        threads: int | None, obstacles: tuple[Any, Any],
+    ) -> None:
+        self.system = system
+        self.params = runtime.array(np.zeros(4, system.real))
+        work = system.tets + system.springs // SPRINGS_PER_TET
+        pool = runtime.threads() if runtime.on_cpu() else 1
+        most = max(1, min(pool, work // TETS_PER_THREAD))
+        self.pace = Pace(most if threads is None else max(1, min(threads, pool)))
+        self.fixed = threads
+        self._arrived = runtime.array(np.zeros(1, np.int32))
+        self._bind(integrator, contact, loads, viscous, *obstacles)
+
+    def _bind(
+        self, integrator: int, contact: bool, loads: bool, viscous: bool, kind: Any, shape: Any
+    ) -> None:
+        s = self.system
+        if not runtime.on_cpu():
+            from tisoft.dynamics.gpu import bind_gpu
+
+            self._launch = bind_gpu(s, self.params, integrator, contact, loads, viscous, kind, shape)
+            return
+        one = np.zeros((1, 9), s.real)
+        kernel = advance_kernel(s.taichi_real)
+        width = {"shapes": s.shapes, "slots": s.slots}
+        arguments = [
+            0, 1, s.laws, viscous, s.springs > 0, False, loads, contact, integrator,
+            self.params, s.u, s.v, s.half, s.rest, s.inverse_mass, s.body,
+            s.material, s.held, s.drive, s.load, s.force,
+            s.law_starts, s.nodes, width["shapes"], s.owner, width["slots"], s.flat_slots,
+            s.starts, s.corners,
+            s.spring_starts, s.spring_ends, s.spring_data,
+            s.spring_starts, s.spring_ends, one, one,
+            kind, shape, self._arrived,
+        ]  # fmt: skip
+        self._launch = runtime.bind(kernel, *arguments)
+
+    def advance(self, substeps: int, step: float, gravity: Any) -> None:
+        """`substeps` substeps of `step` [s] under `gravity` [m/s²]."""
+        runtime.write(self.params, np.array([step, *gravity], dtype=self.system.real))
+        while substeps > 0:
+            now = min(substeps, LONGEST_LAUNCH)
+            threads = self.pace.threads() if self.fixed is None else self.pace.most
+            begun = time.perf_counter()
+            if runtime.on_cpu():
+                self._arrived[0] = 0
+            self._launch(now, threads)
+            if self.fixed is None:
+                self.pace.took(threads, (time.perf_counter() - begun) / now)
+            substeps -= now

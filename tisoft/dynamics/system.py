@@ -1,0 +1,269 @@
+"""All bodies of a scene as one set of arrays: bodies are ranges of nodes and batches.
+
+Positions are kept as world = rest point + origin shift of the body + u: rest points and shifts in
+f64 on the host, displacements u in the scene's precision.  A body at 10 km from the world's origin
+computes with the same digits as one at 0.  Inside, nodes and tets follow Morton curves; `order`
+leads back to the mesh's own order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tisoft import runtime
+from tisoft.body import Body
+from tisoft.checks import FieldError
+from tisoft.dynamics.advance import LANES
+from tisoft.geometry.topology import morton_order
+from tisoft.models import laws
+from tisoft.models.mass_spring import half_springs, network
+from tisoft.models.materials import Linear, MassSpring, MassTensor, NeoHookean, SolidModel
+from tisoft.models.rows import SPRING_COLUMNS
+from tisoft.models.tets import batches, corner_lists, gradients, lumped_masses, spread, stiffest
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+GPU_LANES = 32
+
+
+def law_of(model: SolidModel) -> int:
+    """The stress law of a model with tets."""
+    if isinstance(model, NeoHookean):
+        return laws.NEO_HOOKEAN
+    return laws.LINEAR if isinstance(model, Linear | MassTensor) else laws.ST_VENANT
+
+
+@dataclass
+class Part:
+    """One body's share of the arrays."""
+
+    body: Body
+    index: int
+    start: int
+    """First node; `order` says which row of `mesh.points` each node is."""
+    order: NDArray[np.int64]
+    center: Floats
+    """Middle of the rest points [m], shape (3,): rest positions inside are relative to it."""
+    mass: Floats
+    """Lumped masses [kg] by inside order, shape (nodes,)."""
+    tet_order: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    tets: Ints = field(default_factory=lambda: np.empty((0, 4), np.int32))
+    """Inside nodes of each tet, in Morton order, shape (tets, 4)."""
+    gradient: Floats = field(default_factory=lambda: np.empty((0, 3, 3)))
+    volume: Floats = field(default_factory=lambda: np.empty(0))
+    place: Ints = field(default_factory=lambda: np.empty(0, np.int32))
+    """Batch · lanes + lane of each tet of `tets`."""
+    springs: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 2), np.int64))
+    """Inside nodes of each spring, in the order of `Body.springs`."""
+    spring_numbers: Floats = field(default_factory=lambda: np.empty((0, 3)))
+    """k [N/m], L₀ [m], c [N·s/m] of each spring."""
+    shift: Floats = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def nodes(self) -> slice:
+        """Its rows of the nodal arrays."""
+        return slice(self.start, self.start + len(self.order))
+
+    @property
+    def rank(self) -> NDArray[np.int64]:
+        """Inside row (from `start`) of each row of `mesh.points`."""
+        rank = np.empty(len(self.order), np.int64)
+        rank[self.order] = np.arange(len(self.order))
+        return rank
+
+    @property
+    def is_springs(self) -> bool:
+        """Whether its forces are springs'."""
+        return isinstance(self.body.model, MassSpring)
+
+    @property
+    def is_tensor(self) -> bool:
+        """Whether its forces are mass-tensor rows."""
+        return isinstance(self.body.model, MassTensor)
+
+
+def parts_of(bodies: list[Body]) -> list[Part]:
+    """Number the bodies' nodes, tets and springs."""
+    parts = []
+    start = 0
+    for index, body in enumerate(bodies):
+        points = body.mesh.points
+        order = morton_order(points)
+        center = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        part = Part(body, index, start, order, center, np.empty(0))
+        if isinstance(body.model, MassSpring):
+            net = network(body)
+            part.springs = part.rank[net.ends]
+            damping = np.full(len(net.ends), net.damping)
+            part.spring_numbers = np.stack([net.stiffness, net.lengths, damping], axis=1)
+            part.mass = net.masses[order]
+        else:
+            _number_tets(part)
+        _check_mass(part)
+        parts.append(part)
+        start += len(order)
+    return parts
+
+
+def _number_tets(part: Part) -> None:
+    mesh, model = part.body.mesh, part.body.model
+    centroids = mesh.points[mesh.tets].mean(axis=1)
+    part.tet_order = morton_order(centroids)
+    part.tets = part.rank[mesh.tets[part.tet_order]].astype(np.int32)
+    part.gradient, part.volume = gradients(mesh.points - part.center, mesh.tets[part.tet_order])
+    assert isinstance(model, SolidModel)
+    part.mass = lumped_masses(part.tets, part.volume, model.density, len(part.order))
+
+
+def _check_mass(part: Part) -> None:
+    empty = np.flatnonzero(part.mass <= 0.0)
+    if len(empty):
+        node = int(part.body.mesh.kept_nodes[part.order[empty[0]]])
+        raise FieldError(
+            f"body[{part.index}].density",
+            f"gives node {node} of {part.body.name!r} no mass (no tet or triangle uses it); "
+            "give node_mass in kg",
+        )
+
+
+class System:
+    """The arrays that kernels work on; see `advance` for their roles."""
+
+    def __init__(self, bodies: list[Body], precision: str) -> None:
+        self.parts = parts_of(bodies)
+        self.real, self.taichi_real = runtime.real_type(precision)
+        self.lanes = LANES if runtime.on_cpu() else GPU_LANES
+        self.count = sum(len(p.order) for p in self.parts)
+        self.springs = sum(len(p.springs) for p in self.parts)
+        self.tets = sum(len(p.tets) for p in self.parts)
+        self._make_nodes()
+        self._make_tets()
+        self._make_springs()
+        self.material = self._array(self.material_table())
+
+    def _array(self, values: Any, kind: Any = None) -> Any:
+        return runtime.array(np.array(values, dtype=kind or self.real, order="C"))
+
+    def _make_nodes(self) -> None:
+        n = self.count
+        self.rest_host = np.concatenate(
+            [(p.body.mesh.points - p.center)[p.order] for p in self.parts]
+        )
+        self.mass = np.concatenate([p.mass for p in self.parts])
+        self.rest = self._array(self.rest_host)
+        self.u = self._array(np.zeros((n, 3)))
+        self.v = self._array(np.zeros((n, 3)))
+        self.half = self._array(np.zeros((n, 3)))
+        self.force = self._array(np.zeros((n, 3)))
+        self.load = self._array(np.zeros((n, 3)))
+        self.drive = self._array(np.zeros((n, 3)))
+        self.held = self._array(np.zeros(n), np.int32)
+        self.inverse_mass = self._array(1.0 / self.mass)
+        body = np.repeat(np.arange(len(self.parts)), [len(p.order) for p in self.parts])
+        self.body = self._array(body, np.int32)
+
+    def _make_tets(self) -> None:
+        """Batches by law, then by body; tensors have their rows instead."""
+        solid = [p for p in self.parts if len(p.tets)]
+        nodes, shapes, owner, starts = [], [], [], [0]
+        begun = 0
+        for law in range(3):
+            for part in solid:
+                if law_of(part.body.model) != law:  # type: ignore[arg-type]
+                    continue
+                made = batches(part.tets, part.gradient, part.volume, self.lanes)
+                part.place = made.place + begun * self.lanes
+                nodes.append(made.nodes + part.start)
+                shapes.append(made.shapes)
+                owner.append(np.full(len(made.nodes), part.index))
+                begun += len(made.nodes)
+            starts.append(begun)
+        self.batches = begun
+        lanes = self.lanes
+        empty = begun == 0
+        self.nodes = self._array(_join(nodes, (1, 4, lanes)), np.int32)
+        self.shapes = self._array(_join(shapes, (1, 10, lanes)))
+        self.owner = self._array(_join(owner, (1,)), np.int32)
+        self.law_starts = self._array(starts, np.int32)
+        self.laws = tuple(k for k in range(3) if starts[k + 1] > starts[k])
+        self.slots = self._array(np.zeros((1 if empty else begun, 12, lanes)))
+        self.flat_slots = self.slots.reshape(-1) if runtime.on_cpu() else self.slots
+        tets = _join([p.tets + p.start for p in solid], (0, 4)).astype(np.int32)
+        place = _join([p.place for p in solid], (0,)).astype(np.int32)
+        corner_starts, corners = corner_lists(tets, place, self.count, lanes)
+        self.starts = self._array(corner_starts, np.int32)
+        self.corners = self._array(corners if len(corners) else [0], np.int32)
+
+    def _make_springs(self) -> None:
+        ends = _join([p.springs + p.start for p in self.parts], (0, 2)).astype(np.int64)
+        starts, others, number = half_springs(ends, self.count)
+        self.half_spring = number
+        self.spring_starts = self._array(starts, np.int32)
+        self.spring_ends = self._array(others if len(others) else [0], np.int32)
+        nodes = np.repeat(np.arange(self.count), np.diff(starts))
+        self._vectors = self.rest_host[others] - self.rest_host[nodes]
+        self.spring_data = self._array(np.zeros((max(1, len(others)), SPRING_COLUMNS)))
+        self.write_springs()
+
+    def write_springs(self) -> None:
+        """Fill the springs' rows from the parts' numbers (after a material changed)."""
+        if not self.springs:
+            return
+        k, rest, c = np.concatenate([p.spring_numbers for p in self.parts])[self.half_spring].T
+        length = np.linalg.norm(self._vectors, axis=1)
+        columns = np.column_stack([self._vectors, length, length - rest, k, c])
+        runtime.write(self.spring_data, columns.astype(self.real))
+
+    def material_table(self) -> Floats:
+        """λ', μ' of the law, φ, η [Pa, Pa·s] and point damping [1/s], shape (bodies, 5)."""
+        rows = np.zeros((len(self.parts), 5))
+        for row, part in zip(rows, self.parts, strict=True):
+            model = part.body.model
+            row[4] = model.point_damping
+            if isinstance(model, SolidModel):
+                row[:2] = laws.law_constants(law_of(model), model.lame_lambda, model.lame_mu)
+                row[2:4] = model.phi, model.eta
+        return rows
+
+    def viscous(self) -> bool:
+        """Whether any body damps the rate of its strain or of its springs."""
+        return any(
+            bool(p.spring_numbers[:, 2].any())
+            if isinstance(p.body.model, MassSpring)
+            else bool(p.body.model.phi or p.body.model.eta)
+            for p in self.parts
+        )
+
+    def element_frequencies(self) -> tuple[Floats, Floats, Floats]:
+        """Per place (batch · lanes + lane): ω² [1/s²] and damping rate 2ζω [1/s] of the tet's
+        stiffest mode at rest, with its own lumped mass, and 4γ/ρ [1/(kg/m)] (see `stable_step`).
+        """
+        out = np.zeros((3, max(1, self.batches) * self.lanes))
+        for part in self.parts:
+            model = part.body.model
+            if not isinstance(model, SolidModel):
+                continue
+            scale = 4.0 / model.density
+            lam, mu = model.lame_lambda, model.lame_mu
+            out[0, part.place] = scale * stiffest(part.gradient, lam, mu)
+            if model.phi or model.eta:
+                out[1, part.place] = scale * stiffest(part.gradient, model.phi, model.eta)
+            out[2, part.place] = scale * spread(part.gradient)
+        return out[0], out[1], out[2]
+
+    def world(self, u: NDArray[Any] | None = None) -> Floats:
+        """World positions [m] of all nodes, inside order, f64, shape (nodes, 3)."""
+        here = np.array(runtime.read(self.u) if u is None else u, dtype=np.float64)
+        here += self.rest_host
+        for part in self.parts:
+            here[part.nodes] += part.center + part.shift
+        return here
+
+
+def _join(blocks: list[Any], shape: tuple[int, ...]) -> NDArray[Any]:
+    return np.concatenate(blocks) if blocks else np.zeros(shape)

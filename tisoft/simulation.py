@@ -1,0 +1,294 @@
+"""A running scene: frames, state in and out, energies, the stable step."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tisoft import runtime
+from tisoft.body import Body
+from tisoft.checks import FieldError
+from tisoft.dynamics import nodes
+from tisoft.dynamics.obstacles import obstacle_kinds, obstacle_shapes
+from tisoft.dynamics.step_limit import StepLimit
+from tisoft.dynamics.stepper import Stepper
+from tisoft.dynamics.system import Part, System
+from tisoft.errors import Diverged
+from tisoft.scene import Scene
+
+Floats = NDArray[np.float64]
+
+INTEGRATORS = {
+    "symplectic-euler": nodes.SYMPLECTIC_EULER,
+    "velocity-verlet": nodes.VELOCITY_VERLET,
+    "explicit-euler": nodes.EXPLICIT_EULER,
+}
+SAFETY = 0.95
+"""Share of the guaranteed bound that step = "auto" uses: room to stiffen within one frame."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What an observer sees: the simulation at the end of one frame."""
+
+    simulation: Simulation
+    index: int
+    time: float
+    """[s]"""
+
+    def positions(self, body: Body | None = None) -> Floats:
+        """World positions [m], shape (nodes, 3), in the mesh's node order."""
+        return self.simulation.positions(body)
+
+    def velocities(self, body: Body | None = None) -> Floats:
+        """Velocities [m/s], shape (nodes, 3), in the mesh's node order."""
+        return self.simulation.velocities(body)
+
+
+class Simulation:
+    """A scene that runs.
+
+    Args:
+        scene: read again between frames: gravity, materials, pins and loads may change.
+        arch: "cpu", "cuda", "metal", "vulkan" or "auto".
+        precision: "f32" or "f64"; left out, the scene's.
+        certify: False takes any step and checks nothing: to show how things fail.
+        threads: CPU threads; left out, chosen by the scene's size and the machine's load.
+
+    Raises:
+        SceneError: a scene that cannot run, with the field that says why.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        arch: str = "cpu",
+        precision: str | None = None,
+        certify: bool = True,
+        threads: int | None = None,
+    ) -> None:
+        begun = time.perf_counter()
+        scene.validate()
+        self.scene = scene
+        self.arch = runtime.start(arch)
+        self.precision = precision or scene.precision
+        self.certify = certify
+        self.time = 0.0
+        self.frame = 0
+        self.substeps = 0
+        self.steps: list[float] = []
+        self.wall_seconds = 0.0
+        self.system = System(scene.bodies, self.precision)
+        self.limit = StepLimit(self.system)
+        self._models = [part.body.model for part in self.parts]
+        self._set_start()
+        self.compile_seconds = 0.0
+        self._make_stepper(threads)
+        self.start_seconds = time.perf_counter() - begun - self.compile_seconds
+
+    # -- state ---------------------------------------------------------------------------------
+
+    @property
+    def parts(self) -> list[Part]:
+        """The bodies' shares of the arrays."""
+        return self.system.parts
+
+    def positions(self, body: Body | None = None) -> Floats:
+        """World positions [m], shape (nodes, 3): one body's, or all in the scene's order."""
+        return self._outside(self.system.world(), body)
+
+    def velocities(self, body: Body | None = None) -> Floats:
+        """Velocities [m/s], shape (nodes, 3): one body's, or all in the scene's order."""
+        return self._outside(np.array(runtime.read(self.system.v), np.float64), body)
+
+    def set_state(self, positions: Any, velocities: Any) -> None:
+        """Set all world positions [m] and velocities [m/s], shape (nodes, 3), scene's order."""
+        shape = (self.system.count, 3)
+        new = [np.asarray(a, np.float64) for a in (positions, velocities)]
+        for name, values in zip(("positions", "velocities"), new, strict=True):
+            if values.shape != shape:
+                raise FieldError(name, f"has shape {values.shape}, but the scene's is {shape}")
+        u = self._inside(new[0]) - self.system.world(np.zeros(shape))
+        runtime.write(self.system.u, u.astype(self.system.real))
+        runtime.write(self.system.v, self._inside(new[1]).astype(self.system.real))
+
+    def _outside(self, values: Floats, body: Body | None) -> Floats:
+        """Inside order to the mesh's own."""
+        out = np.empty_like(values)
+        for part in self.parts:
+            out[part.nodes][part.order] = values[part.nodes]
+        return out if body is None else out[self._part(body).nodes]
+
+    def _inside(self, values: Floats) -> Floats:
+        out = np.empty_like(values)
+        for part in self.parts:
+            out[part.nodes] = values[part.nodes][part.order]
+        return out
+
+    def _part(self, body: Body) -> Part:
+        for part in self.parts:
+            if part.body is body:
+                return part
+        raise FieldError("body", "is not in this simulation's scene", getattr(body, "name", body))
+
+    def _set_start(self) -> None:
+        """Initial velocities: v + ω × (x − centre of mass)."""
+        v = np.zeros((self.system.count, 3))
+        for part in self.parts:
+            x = self.system.rest_host[part.nodes]
+            middle = part.mass @ x / part.mass.sum()
+            v[part.nodes] = part.body.velocity + np.cross(part.body.spin, x - middle)
+        runtime.write(self.system.v, v.astype(self.system.real))
+
+    # -- stepping ------------------------------------------------------------------------------
+
+    def _make_stepper(self, threads: int | None) -> None:
+        begun = time.perf_counter()
+        scene, system = self.scene, self.system
+        self._kind = runtime.array(obstacle_kinds(scene.obstacles))
+        self._shape = runtime.array(self._obstacle_shapes().astype(system.real))
+        self.stepper = Stepper(
+            system,
+            integrator=INTEGRATORS[scene.integrator],
+            contact=bool(scene.obstacles),
+            loads=any(part.body.loads for part in self.parts),
+            viscous=system.viscous(),
+            threads=threads,
+            obstacles=(self._kind, self._shape),
+        )
+        self._hold(0.0, 0.0)
+        self.limit.follow()
+        self.stepper.advance(0, 0.0, (0.0, 0.0, 0.0))
+        self.compile_seconds += time.perf_counter() - begun
+
+    def _obstacle_shapes(self) -> Floats:
+        origins = [part.center + part.shift for part in self.parts]
+        return obstacle_shapes(self.scene.obstacles, origins)
+
+    def _hold(self, start: float, end: float) -> None:
+        """Held axes, and the velocity that carries moved pins through one frame."""
+        held = np.zeros(self.system.count, np.int32)
+        drive = np.zeros((self.system.count, 3))
+        for part in self.parts:
+            points, rank = part.body.mesh.points, part.rank
+            for pin in part.body.pins:
+                if pin.release is not None and start >= pin.release - 1e-12:
+                    continue
+                rows = part.body.nodes(pin.where)
+                inside = part.start + rank[rows]
+                axes = ["xyz".index(axis) for axis in pin.axes]
+                for axis in axes:
+                    held[inside] |= 1 << axis
+                if end > start:
+                    way = pin.displacement(points[rows], end) - pin.displacement(
+                        points[rows], start
+                    )
+                    drive[np.ix_(inside, axes)] = way[:, axes] / (end - start)
+        runtime.write(self.system.held, held)
+        runtime.write(self.system.drive, drive.astype(self.system.real))
+
+    def _refresh(self) -> None:
+        """Take over what the caller changed since the last frame."""
+        models = [part.body.model for part in self.parts]
+        if any(a is not b for a, b in zip(models, self._models, strict=True)):
+            self._models = models
+            table = self.system.material_table().astype(self.system.real)
+            runtime.write(self.system.material, table)
+            self.limit.refresh()
+
+    def stable_step(self) -> float:
+        """A step [s] that is certainly stable in the present state."""
+        return self.limit.bound()
+
+    def substeps_of(self, frame_time: float) -> tuple[int, float]:
+        """Number and size [s] of the substeps of the next frame."""
+        step = self.scene.step
+        if step == "auto":
+            step = SAFETY * self.limit.bound()
+        elif self.certify and self.scene.integrator != "explicit-euler":
+            self._refuse_long(float(step))
+        count = max(1, math.ceil(frame_time / float(step) - 1e-9))
+        return count, frame_time / count
+
+    def _refuse_long(self, step: float) -> None:
+        limit = self.limit.sharp() if self.frame == 0 else np.inf
+        if step > limit:
+            problem = (
+                f"s is above the stable limit {limit:.6g} s, so the bodies would explode; "
+                'give a smaller step, or step = "auto"'
+            )
+            raise FieldError("step", problem, step)
+
+    def step(self) -> Frame:
+        """Advance one frame.
+
+        Raises:
+            Diverged: when positions stop being finite; the state is then of no use.
+        """
+        self._refresh()
+        frame_time = 1.0 / self.scene.frame_rate
+        end = (self.frame + 1) * frame_time
+        count, h = self.substeps_of(frame_time)
+        self._hold(self.time, end)
+        begun = time.perf_counter()
+        self.stepper.advance(count, h, self.scene.gravity)
+        self.wall_seconds += time.perf_counter() - begun
+        self.substeps += count
+        self.steps.append(h)
+        self.frame += 1
+        self.time = end
+        if self.certify and not self._is_finite():
+            raise Diverged(self._blame(h))
+        return self.here()
+
+    def here(self) -> Frame:
+        """The present state as a Frame."""
+        return Frame(self, self.frame, self.time)
+
+    def frames(self, seconds: float | None = None) -> Iterator[Frame]:
+        """Frames from now on, the present one first: `seconds` [s] of them, or the scene's."""
+        duration = self.scene.duration if seconds is None else seconds
+        yield self.here()
+        for _ in range(round(duration * self.scene.frame_rate)):
+            yield self.step()
+
+    def run(self, seconds: float | None = None, *, observers: Iterable[Any] = ()) -> None:
+        """Run with observers: objects with on_start(sim), on_frame(frame), on_end(sim), each
+        optional; a plain callable is on_frame.
+        """
+        watching = list(observers)
+        frame_hooks: list[Callable[[Frame], Any]] = [
+            getattr(o, "on_frame", o if callable(o) else _nothing) for o in watching
+        ]
+        for observer in watching:
+            getattr(observer, "on_start", _nothing)(self)
+        try:
+            for frame in self.frames(seconds):
+                for hook in frame_hooks:
+                    hook(frame)
+        finally:
+            for observer in watching:
+                getattr(observer, "on_end", _nothing)(self)
+
+    def _is_finite(self) -> bool:
+        u, v = runtime.read(self.system.u), runtime.read(self.system.v)
+        with np.errstate(all="ignore"):
+            return bool(np.isfinite(u.sum()) and np.isfinite(v.sum()))
+
+    def _blame(self, step: float) -> str:
+        what = self.limit.culprit()
+        return (
+            f"positions stopped being finite in frame {self.frame} (t = {self.time:.6g} s, "
+            f"step {step:.3g} s), first at {what}; give a smaller step or a softer material"
+        )
+
+
+def _nothing(_: Any) -> None:
+    return None
