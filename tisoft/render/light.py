@@ -16,10 +16,10 @@ CELL = 32  # texels along a coarse cell, which knows the largest value in its ne
 REACH = 24.0  # widest penumbra on the ground, in texels; below CELL: a neighbourhood holds it
 REACH_ON_BODIES = 9.0
 LAMP = 0.075  # tangent of the lamp's half angle
-SEARCH = 24  # samples in search of what casts a penumbra on the ground
+SEARCH = 120  # samples in search of what casts a penumbra on the ground
 SEARCH_ON_BODIES = 12
 TAPS = 24  # samples of a penumbra on a body
-STRIDE = 4  # every so many samples, one is taken first
+STRIDE = 2  # every so many samples, one is taken first
 SHARPEST = 1.5  # narrowest penumbra, in texels
 GROUND_TAPS = 64  # on the ground, whose shadow is wide and is computed once a texel
 
@@ -118,18 +118,17 @@ def closer(grid: ti.template(), x, y, height):
 
 
 @ti.func
-def covered(
-    x, y, plane, reach, before, first, taps, lamp: ti.template(), grid: ti.template(),
+def penumbra(
+    x, y, plane, reach, first, count, lamp: ti.template(), grid: ti.template(),
     disc: ti.template(),
 ):  # fmt: skip
-    """Share of the lamp hidden from the place (x, y) of its map.
+    """Radius, in texels, of what casts a shadow on the place (x, y) of a plane of the map.
 
-    The receiver lies on a plane of height plane·(x, y, 1). Samples `before` to `first` of the
-    disc search for what casts, and `taps` from `first` on measure the penumbra.
+    The plane has the height plane·(x, y, 1); the samples of the disc are `count` from `first` on.
     """
     last = grid.shape[0] - 1
     total, found = 0.0, 0
-    for k in range(before, first):
+    for k in range(first, first + count):
         px, py = x + reach * disc[k, 0], y + reach * disc[k, 1]
         j = ti.min(ti.max(ti.cast(px, ti.i32), 0), last)
         i = ti.min(ti.max(ti.cast(py, ti.i32), 0), last)
@@ -138,19 +137,22 @@ def covered(
         if above > 0.0 and above * LAMP >= (disc[k, 2] * reach - 2.0) * lamp.texel:
             total += above
             found += 1
-    radius = SHARPEST
-    if found > 0:
-        radius = ti.min(ti.max(LAMP * total / (found * lamp.texel), SHARPEST), reach)
-    share, few = 0.0, taps // STRIDE
+    return ti.min(ti.max(LAMP * total / (ti.max(found, 1) * lamp.texel), SHARPEST), reach)
+
+
+@ti.func
+def covered(x, y, plane, radius, first, count, grid: ti.template(), disc: ti.template()):
+    """Share of a disc around the place (x, y) of the map that lies above a plane."""
+    share, few = 0.0, count // STRIDE
     for n in range(few):
         share += above_plane(x, y, radius, first + STRIDE * n, plane, grid, disc)
     if 0.0 < share < few:
-        for k in range(first, first + taps):
+        for k in range(first, first + count):
             if (k - first) % STRIDE != 0:
                 share += above_plane(x, y, radius, k, plane, grid, disc)
     else:  # most places are wholly lit or wholly dark: the first few samples tell
         share *= STRIDE
-    return share / taps
+    return share / count
 
 
 @ti.func
@@ -177,26 +179,9 @@ def lit(q, lamp: ti.template(), grid: ti.template(), coarse: ti.template(), disc
     share = 1.0
     if near_shadow(x, y, height, coarse):
         level = vec3(0.0, 0.0, height)
-        start = SEARCH_ON_BODIES
-        share -= covered(x, y, level, REACH_ON_BODIES, 0, start, TAPS, lamp, grid, disc)
+        radius = penumbra(x, y, level, REACH_ON_BODIES, 0, SEARCH_ON_BODIES, lamp, grid, disc)
+        share -= covered(x, y, level, radius, SEARCH_ON_BODIES, TAPS, grid, disc)
     return share
-
-
-@ti.kernel
-def light_plane(plane: vec3, lamp: Lamp, grid: Grid, coarse: Grid, disc: Vectors, shade: Grid):
-    """Share of the lamp hidden from a plane below all that is drawn, at every texel of the map."""
-    ti.loop_config(block_dim=256)
-    for texel in range(shade.shape[0] * shade.shape[1]):
-        i, j = texel // shade.shape[1], texel % shade.shape[1]
-        x, y = ti.cast(j, ti.f32) + 0.5, ti.cast(i, ti.f32) + 0.5
-        share = 0.0
-        # The plane falls away within the neighbourhood: take the lowest height there.
-        slack = CELL * (ti.abs(plane[0]) + ti.abs(plane[1]))
-        if near_shadow(x, y, plane[0] * x + plane[1] * y + plane[2] - slack, coarse):
-            before = SEARCH_ON_BODIES + TAPS
-            first = before + SEARCH
-            share = covered(x, y, plane, REACH, before, first, GROUND_TAPS, lamp, grid, disc)
-        shade[i, j] = share
 
 
 @ti.func
@@ -211,3 +196,40 @@ def bilinear(grid: ti.template(), x, y):
         high = grid[i + 1, j] * (1.0 - fx) + grid[i + 1, j + 1] * fx
         value = low * (1.0 - fy) + high * fy
     return value
+
+
+@ti.func
+def near_plane_shadow(x, y, plane, coarse: ti.template()):
+    slack = CELL * (ti.abs(plane[0]) + ti.abs(plane[1]))  # how much lower it may be near by
+    return near_shadow(x, y, plane[0] * x + plane[1] * y + plane[2] - slack, coarse)
+
+
+@ti.kernel
+def soften_plane(plane: vec3, lamp: Lamp, grid: Grid, coarse: Grid, disc: Vectors, radii: Grid):
+    """Radii of the penumbrae on a plane, on a coarser map: they vary slowly."""
+    ti.loop_config(block_dim=64)
+    for place in range(radii.shape[0] * radii.shape[1]):
+        i, j = place // radii.shape[1], place % radii.shape[1]
+        step = ti.cast(grid.shape[0] // radii.shape[0], ti.f32)
+        x, y = (j + 0.5) * step, (i + 0.5) * step
+        radius = SHARPEST
+        if near_plane_shadow(x, y, plane, coarse):
+            first = SEARCH_ON_BODIES + TAPS
+            radius = penumbra(x, y, plane, REACH, first, SEARCH, lamp, grid, disc)
+        radii[i, j] = radius
+
+
+@ti.kernel
+def light_plane(plane: vec3, grid: Grid, coarse: Grid, disc: Vectors, radii: Grid, shade: Grid):
+    """Share of the lamp hidden from a plane below all that is drawn, at every texel of the map."""
+    ti.loop_config(block_dim=256)
+    for texel in range(shade.shape[0] * shade.shape[1]):
+        i, j = texel // shade.shape[1], texel % shade.shape[1]
+        x, y = ti.cast(j, ti.f32) + 0.5, ti.cast(i, ti.f32) + 0.5
+        share = 0.0
+        if near_plane_shadow(x, y, plane, coarse):
+            step = ti.cast(grid.shape[0] // radii.shape[0], ti.f32)
+            radius = ti.max(bilinear(radii, x / step, y / step), SHARPEST)
+            first = SEARCH_ON_BODIES + TAPS + SEARCH
+            share = covered(x, y, plane, radius, first, GROUND_TAPS, grid, disc)
+        shade[i, j] = share

@@ -57,6 +57,7 @@ class Renderer:
         self._keys.fill(0)
         self._shadow = _map(SHADOW_SIZE)
         self._coarse = _map(SHADOW_SIZE // light.CELL)
+        self._radii = _map(SHADOW_SIZE // 4)
         self._floor_shadow = _map(SHADOW_SIZE)
         self._undersides = _map(DIM_SIZE)
         self._dim = _map(DIM_SIZE)
@@ -98,10 +99,11 @@ class Renderer:
         light.coarsen(self._shadow, self._coarse)
 
     def _map_ground(self, lamp: Any, ground: Any) -> None:
+        plane = plane_in_map(ground, lamp)
+        light.soften_plane(plane, lamp, self._shadow, self._coarse, self._disc, self._radii)
         light.light_plane(
-            plane_in_map(ground, lamp), lamp, self._shadow, self._coarse, self._disc,
-            self._floor_shadow,
-        )  # fmt: skip
+            plane, self._shadow, self._coarse, self._disc, self._radii, self._floor_shadow
+        )
         self._map(ground.frame, ground.texel, self._undersides)
         floor.dim_ground(self._undersides, ground, self._dim)
 
