@@ -89,6 +89,11 @@ def on_cpu() -> bool:
     return _started == "cpu"
 
 
+def has_f64() -> bool:
+    """Whether kernels compute in f64 on the arch in use; Metal's do not."""
+    return _started != "metal"
+
+
 def threads() -> int:
     """CPU threads of Taichi's pool."""
     return int(import_taichi().cfg.cpu_max_num_threads)

@@ -1,0 +1,85 @@
+"""Forces by plain loops over tets and nodes: for GPUs, and for forces without a step.
+
+The same formulae as `advance`, one tet per iteration instead of a batch of lanes.  A tet writes its
+corner forces to its own slots, a node sums its slots in element order, as there.
+"""
+
+import taichi as ti
+
+from tisoft.dynamics.nodes import node_force
+from tisoft.models.laws import stress
+from tisoft.models.rows import spring_force, tensor_force
+
+A = ti.types.ndarray
+
+
+@ti.func
+def corner_forces(b, lane, law: ti.template(), viscous: ti.template(), lanes: ti.template(),
+                  nodes: ti.template(), shapes: ti.template(), owner: ti.template(),
+                  material: ti.template(), u: ti.template(), v: ti.template(),
+                  slots: ti.template()):
+    """Corner forces [N] of the tet in batch b, lane `lane`, into its slots."""
+    N = ti.Matrix([[shapes[b, 3 * c + d, lane] for d in range(3)] for c in range(3)])  # ∇N_1..3
+    i = nodes[b, 0, lane]
+    du = ti.Matrix([[u[nodes[b, c + 1, lane], d] - u[i, d] for c in range(3)] for d in range(3)])
+    H = du @ N
+    D = 0.0 * H
+    if ti.static(viscous):
+        dv = ti.Matrix(
+            [[v[nodes[b, c + 1, lane], d] - v[i, d] for c in range(3)] for d in range(3)]
+        )
+        D = dv @ N
+    m = owner[b]
+    P = stress(law, viscous, H, D, material[m, 0], material[m, 1], material[m, 2], material[m, 3])
+    f = -shapes[b, 9, lane] * (P @ N.transpose())
+    first = b * (12 * lanes) + lane
+    for d in ti.static(range(3)):
+        slots[first + d * lanes] = -(f[d, 0] + f[d, 1] + f[d, 2])
+        for c in ti.static(range(3)):
+            slots[first + (3 * c + 3 + d) * lanes] = f[d, c]
+
+
+@ti.kernel
+def tet_forces(
+    laws: ti.template(), viscous: ti.template(), lanes: ti.template(),
+    law_starts: A(), nodes: A(), shapes: A(), owner: A(), material: A(), u: A(), v: A(), slots: A(),
+):
+    """Corner forces [N] of all tets into `slots`, shape (batches · 12 · lanes,)."""
+    for law in ti.static(laws):
+        for k in range(law_starts[law] * lanes, law_starts[law + 1] * lanes):
+            corner_forces(
+                k // lanes, k % lanes, law, viscous, lanes,
+                nodes, shapes, owner, material, u, v, slots,
+            )
+
+
+@ti.kernel
+def row_forces(
+    viscous: ti.template(), springs: ti.template(), tensors: ti.template(),
+    u: A(), v: A(), force: A(),
+    spring_starts: A(), spring_ends: A(), spring_data: A(),
+    tensor_starts: A(), tensor_ends: A(), stiffness: A(), viscosity: A(),
+):
+    """Forces [N] of springs and mass-tensor rows on each node, into `force`, shape (nodes, 3)."""
+    for i in range(u.shape[0]):
+        f = 0.0 * ti.Vector([u[i, 0], u[i, 1], u[i, 2]])
+        if ti.static(springs):
+            f += spring_force(i, viscous, spring_starts, spring_ends, spring_data, u, v)
+        if ti.static(tensors):
+            f += tensor_force(
+                i, viscous, tensor_starts, tensor_ends, stiffness, viscosity, u, v
+            )
+        for c in ti.static(range(3)):
+            force[i, c] = f[c]
+
+
+@ti.kernel
+def sum_forces(
+    tets: ti.template(), rows: ti.template(), lanes: ti.template(),
+    starts: A(), corners: A(), slots: A(), force: A(), total: A(),
+):
+    """What elements do to each node [N]: its tets' corner forces and its rows, into `total`."""
+    for i in range(total.shape[0]):
+        f = node_force(i, tets, rows, False, starts, corners, slots, lanes, force, total)
+        for c in ti.static(range(3)):
+            total[i, c] = f[c]
