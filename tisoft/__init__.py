@@ -4,6 +4,7 @@ import os
 
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
+os.environ.setdefault("TI_ENABLE_PYBUF", "0")
 
 from tisoft import where
 from tisoft.errors import Diverged, MeshError, NoEquilibrium, SceneError, TisoftError
@@ -17,8 +18,20 @@ from tisoft.models.materials import (
     NeoHookean,
     ViscoElastic,
 )
-from tisoft.scene import Body, Box, Camera, Load, Pin, Plane, Probe, Render, Scene, Sphere
-from tisoft.scene import Torque, Turn
+from tisoft.scene import (
+    Body,
+    Box,
+    Camera,
+    Load,
+    Pin,
+    Plane,
+    Probe,
+    Render,
+    Scene,
+    Sphere,
+    Torque,
+    Turn,
+)
 from tisoft.scene_file import load_scene
 
 __all__ = [

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import os
 from collections.abc import Callable
 from typing import Any
 
@@ -173,7 +172,9 @@ def bind(kernel: Any, *arguments: Any) -> Callable[..., None]:
 
     def launch(*integers: int, keep: Any = arguments) -> None:
         if born != generation:
-            raise RuntimeError("this simulation belongs to an earlier start of Taichi; make it anew")
+            raise RuntimeError(
+                "this simulation belongs to an earlier start of Taichi; make it anew"
+            )
         for slot, value in zip(slots, integers, strict=False):
             context.set_arg_int((slot,), value)
         program.launch_kernel(ready, context)

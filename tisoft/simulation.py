@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,8 @@ from tisoft import runtime
 from tisoft.body import Body
 from tisoft.checks import FieldError
 from tisoft.dynamics import nodes
+from tisoft.dynamics.energy import Energies, Forces
+from tisoft.dynamics.hold import Holder
 from tisoft.dynamics.obstacles import obstacle_kinds, obstacle_shapes
 from tisoft.dynamics.step_limit import StepLimit
 from tisoft.dynamics.stepper import Stepper
@@ -86,7 +89,7 @@ class Simulation:
         self.steps: list[float] = []
         self.wall_seconds = 0.0
         self.system = System(scene.bodies, self.precision)
-        self.limit = StepLimit(self.system)
+        self.limit = StepLimit(self.system, INTEGRATORS[scene.integrator])
         self._models = [part.body.model for part in self.parts]
         self._set_start()
         self.compile_seconds = 0.0
@@ -118,6 +121,34 @@ class Simulation:
         u = self._inside(new[0]) - self.system.world(np.zeros(shape))
         runtime.write(self.system.u, u.astype(self.system.real))
         runtime.write(self.system.v, self._inside(new[1]).astype(self.system.real))
+
+    def forces(self, body: Body | None = None) -> Floats:
+        """Elastic, viscous and spring forces [N] in the present state, shape (nodes, 3)."""
+        return self._outside(self._forces.internal(), body)
+
+    def energy(self) -> dict[str, float | None]:
+        """Energies [J] in the present state; None for what is not measured.
+
+        "kinetic", "elastic", "gravity" (zero with every node at rest), "dissipated" (by viscosity,
+        damping and contact), "external_work" (of loads and moved pins) and "error" (the imbalance
+        of this ledger).
+        """
+        return {
+            "kinetic": self._energies.kinetic(),
+            "elastic": self._energies.elastic(),
+            "gravity": self._energies.gravity(self.scene.gravity),
+            "dissipated": None,
+            "external_work": None,
+            "error": None,
+        }
+
+    @cached_property
+    def _energies(self) -> Energies:
+        return Energies(self.system)
+
+    @cached_property
+    def _forces(self) -> Forces:
+        return Forces(self.system)
 
     def _outside(self, values: Floats, body: Body | None) -> Floats:
         """Inside order to the mesh's own."""
@@ -163,7 +194,8 @@ class Simulation:
             threads=threads,
             obstacles=(self._kind, self._shape),
         )
-        self._hold(0.0, 0.0)
+        self.holder = Holder(system)
+        self.holder.begin(0.0, 0.0)
         self.limit.follow()
         self.stepper.advance(0, 0.0, (0.0, 0.0, 0.0))
         self.compile_seconds += time.perf_counter() - begun
@@ -172,35 +204,35 @@ class Simulation:
         origins = [part.center + part.shift for part in self.parts]
         return obstacle_shapes(self.scene.obstacles, origins)
 
-    def _hold(self, start: float, end: float) -> None:
-        """Held axes, and the velocity that carries moved pins through one frame."""
-        held = np.zeros(self.system.count, np.int32)
-        drive = np.zeros((self.system.count, 3))
+    def _recenter(self) -> None:
+        """Move a body's origin after it where it has travelled: u stays small, so exact in f32."""
+        moved = False
+        u = runtime.read(self.system.u)
         for part in self.parts:
-            points, rank = part.body.mesh.points, part.rank
-            for pin in part.body.pins:
-                if pin.release is not None and start >= pin.release - 1e-12:
-                    continue
-                rows = part.body.nodes(pin.where)
-                inside = part.start + rank[rows]
-                axes = ["xyz".index(axis) for axis in pin.axes]
-                for axis in axes:
-                    held[inside] |= 1 << axis
-                if end > start:
-                    way = pin.displacement(points[rows], end) - pin.displacement(
-                        points[rows], start
-                    )
-                    drive[np.ix_(inside, axes)] = way[:, axes] / (end - start)
-        runtime.write(self.system.held, held)
-        runtime.write(self.system.drive, drive.astype(self.system.real))
+            here = u[part.nodes]
+            if np.abs(here[0]).max() < part.size:  # one node tells cheaply
+                continue
+            way = here.mean(axis=0, dtype=np.float64).astype(u.dtype)
+            if np.abs(way).max() < part.size:
+                continue
+            here -= way
+            part.shift = part.shift + way.astype(np.float64)
+            moved = True
+        if moved:
+            runtime.write(self.system.u, u)
+            if self.scene.obstacles:
+                runtime.write(self._shape, self._obstacle_shapes().astype(self.system.real))
 
     def _refresh(self) -> None:
         """Take over what the caller changed since the last frame."""
         models = [part.body.model for part in self.parts]
         if any(a is not b for a, b in zip(models, self._models, strict=True)):
             self._models = models
+            self.system.reread_springs()
             table = self.system.material_table().astype(self.system.real)
             runtime.write(self.system.material, table)
+            if self.system.tensors:
+                self.system.write_tensors()
             self.limit.refresh()
 
     def stable_step(self) -> float:
@@ -236,16 +268,18 @@ class Simulation:
         frame_time = 1.0 / self.scene.frame_rate
         end = (self.frame + 1) * frame_time
         count, h = self.substeps_of(frame_time)
-        self._hold(self.time, end)
+        self.holder.begin(self.time, end)
         begun = time.perf_counter()
         self.stepper.advance(count, h, self.scene.gravity)
         self.wall_seconds += time.perf_counter() - begun
+        self.holder.finish(end)
         self.substeps += count
         self.steps.append(h)
         self.frame += 1
         self.time = end
         if self.certify and not self._is_finite():
             raise Diverged(self._blame(h))
+        self._recenter()
         return self.here()
 
     def here(self) -> Frame:

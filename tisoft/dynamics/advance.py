@@ -1,3 +1,4 @@
+# mypy: ignore-errors
 """One launch a frame on the CPU: every thread walks through all substeps, meeting at barriers.
 
     substep: forces of the thread's tets (batches of lanes) and spring rows | barrier |
@@ -15,6 +16,7 @@ from typing import Any
 import taichi as ti
 
 from tisoft.dynamics.nodes import VELOCITY_VERLET, move_node, node_force
+from tisoft.models.consistent_mass import begin_solve, iterate_solve
 from tisoft.models.laws import stress
 from tisoft.models.rows import spring_force, tensor_force
 
@@ -33,10 +35,19 @@ def meet(arrived: ti.template(), phase, threads):
 
 
 @ti.func
-def batch_forces(b, law: ti.template(), viscous: ti.template(), real: ti.template(),
-                 nodes: ti.template(), shapes: ti.template(), owner: ti.template(),
-                 material: ti.template(), u: ti.template(), v: ti.template(),
-                 slots: ti.template()):
+def batch_forces(
+    b,
+    law: ti.template(),
+    viscous: ti.template(),
+    real: ti.template(),
+    nodes: ti.template(),
+    shapes: ti.template(),
+    owner: ti.template(),
+    material: ti.template(),
+    u: ti.template(),
+    v: ti.template(),
+    slots: ti.template(),
+):
     """Corner forces [N] of the LANES tets of batch b into their slots."""
     ul = ti.Matrix.zero(real, 12, LANES)
     vl = ti.Matrix.zero(real, 12, LANES)
@@ -58,7 +69,9 @@ def batch_forces(b, law: ti.template(), viscous: ti.template(), real: ti.templat
     phi, eta = material[m, 2], material[m, 3]
     for lane in range(LANES):
         N = ti.Matrix([[rest[3 * c + d, lane] for d in range(3)] for c in range(3)])  # ∇N_1..3
-        du = ti.Matrix([[ul[3 * c + 3 + d, lane] - ul[d, lane] for c in range(3)] for d in range(3)])
+        du = ti.Matrix(
+            [[ul[3 * c + 3 + d, lane] - ul[d, lane] for c in range(3)] for d in range(3)]
+        )
         H = du @ N
         D = 0.0 * H
         if ti.static(viscous):
@@ -77,23 +90,59 @@ def batch_forces(b, law: ti.template(), viscous: ti.template(), real: ti.templat
 
 @functools.cache
 def advance_kernel(real: Any) -> Any:
-    """The kernel `advance` for ti.f32 or ti.f64 (the width of a batch's row is part of its type)."""
+    """The kernel `advance` for ti.f32 or ti.f64 (a batch row's type holds its number)."""
     A = ti.types.ndarray
     Rows = ti.types.ndarray(dtype=ti.types.vector(LANES, real), ndim=2)
 
     @ti.kernel
     def advance(
-        substeps: int, threads: int,
-        laws: ti.template(), viscous: ti.template(), springs: ti.template(),
-        tensors: ti.template(), loads: ti.template(), contact: ti.template(),
+        substeps: int,
+        threads: int,
+        laws: ti.template(),
+        viscous: ti.template(),
+        springs: ti.template(),
+        tensors: ti.template(),
+        iterations: ti.template(),
+        loads: ti.template(),
+        contact: ti.template(),
         integrator: ti.template(),
-        params: A(), u: A(), v: A(), half: A(), rest: A(), inverse_mass: A(), body: A(),
-        material: A(), held: A(), drive: A(), load: A(), force: A(),
-        law_starts: A(), nodes: A(), shapes: Rows, owner: A(), slots: Rows, flat: A(),
-        starts: A(), corners: A(),
-        spring_starts: A(), spring_ends: A(), spring_data: A(),
-        tensor_starts: A(), tensor_ends: A(), stiffness: A(), viscosity: A(),
-        kind: A(), shape: A(), arrived: A(),
+        params: A(),
+        u: A(),
+        v: A(),
+        half: A(),
+        rest: A(),
+        inverse_mass: A(),
+        body: A(),
+        material: A(),
+        held: A(),
+        drive: A(),
+        load: A(),
+        force: A(),
+        law_starts: A(),
+        nodes: A(),
+        shapes: Rows,
+        owner: A(),
+        slots: Rows,
+        flat: A(),
+        starts: A(),
+        corners: A(),
+        spring_starts: A(),
+        spring_ends: A(),
+        spring_data: A(),
+        tensor_starts: A(),
+        tensor_ends: A(),
+        stiffness: A(),
+        viscosity: A(),
+        mass_starts: A(),
+        mass_ends: A(),
+        mass_entries: A(),
+        diagonal: A(),
+        acceleration: A(),
+        residual: A(),
+        direction: A(),
+        kind: A(),
+        shape: A(),
+        arrived: A(),
     ):
         for item in range(threads * CHUNK):
             if item % CHUNK == 0:
@@ -122,8 +171,14 @@ def advance_kernel(real: Any) -> Any:
                                 )
                             if ti.static(tensors):
                                 f += tensor_force(
-                                    i, viscous, tensor_starts, tensor_ends, stiffness, viscosity,
-                                    u, v,
+                                    i,
+                                    viscous,
+                                    tensor_starts,
+                                    tensor_ends,
+                                    stiffness,
+                                    viscosity,
+                                    u,
+                                    v,
                                 )
                             for c in ti.static(range(3)):
                                 force[i, c] = f[c]
@@ -131,17 +186,88 @@ def advance_kernel(real: Any) -> Any:
                     meet(arrived, phase, threads)
                     for i in range(first, last):
                         f = node_force(
-                            i, ti.static(len(laws) > 0), ti.static(springs or tensors), loads,
-                            starts, corners, flat, LANES, force, load,
+                            i,
+                            ti.static(len(laws) > 0),
+                            ti.static(springs or tensors),
+                            loads,
+                            starts,
+                            corners,
+                            flat,
+                            LANES,
+                            force,
+                            load,
                         )
-                        m = body[i]
                         a = f * inverse_mass[i] + gravity
                         for c in ti.static(range(3)):
-                            a[c] -= material[m, 4] * v[i, c]
-                        move_node(
-                            i, a, s < substeps, s > 0, h, integrator, contact, rest, u, v, half, m,
-                            held, drive, kind, shape,
-                        )
+                            a[c] -= material[body[i], 4] * v[i, c]
+                        if ti.static(iterations > 0):
+                            begin_solve(
+                                i,
+                                a / inverse_mass[i],
+                                held[i],
+                                diagonal,
+                                acceleration,
+                                residual,
+                                direction,
+                            )
+                        else:
+                            move_node(
+                                i,
+                                a,
+                                s < substeps,
+                                s > 0,
+                                h,
+                                integrator,
+                                contact,
+                                rest,
+                                u,
+                                v,
+                                half,
+                                body[i],
+                                held,
+                                drive,
+                                kind,
+                                shape,
+                            )
+                    if ti.static(iterations > 0):
+                        for k in range(iterations):
+                            phase += 1
+                            meet(arrived, phase, threads)
+                            for i in range(first, last):
+                                iterate_solve(
+                                    i,
+                                    k,
+                                    held[i],
+                                    mass_starts,
+                                    mass_ends,
+                                    mass_entries,
+                                    diagonal,
+                                    acceleration,
+                                    residual,
+                                    direction,
+                                )
+                        for i in range(first, last):  # a node's acceleration is its own by now
+                            a = ti.Vector(
+                                [acceleration[i, 0], acceleration[i, 1], acceleration[i, 2]]
+                            )
+                            move_node(
+                                i,
+                                a,
+                                s < substeps,
+                                s > 0,
+                                h,
+                                integrator,
+                                contact,
+                                rest,
+                                u,
+                                v,
+                                half,
+                                body[i],
+                                held,
+                                drive,
+                                kind,
+                                shape,
+                            )
                     phase += 1
                     meet(arrived, phase, threads)
 

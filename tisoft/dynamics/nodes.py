@@ -1,3 +1,4 @@
+# mypy: ignore-errors
 """What happens to one node in a substep: integration, held axes, contact with obstacles.
 
 Symplectic Euler in the lectures' form, Δv = h a(x, v), Δx = h (v + Δv); explicit Euler moves with
@@ -74,9 +75,18 @@ def collide(kind: ti.template(), shape: ti.template(), body, h, x, v):
 
 
 @ti.func
-def node_force(i, tets: ti.template(), rows: ti.template(), loads: ti.template(),
-               starts: ti.template(), corners: ti.template(), slots: ti.template(), lanes,
-               force: ti.template(), load: ti.template()):
+def node_force(
+    i,
+    tets: ti.template(),
+    rows: ti.template(),
+    loads: ti.template(),
+    starts: ti.template(),
+    corners: ti.template(),
+    slots: ti.template(),
+    lanes,
+    force: ti.template(),
+    load: ti.template(),
+):
     """Force on node i [N]: its tets' corner forces in element order, springs, loads."""
     f = 0.0 * ti.Vector([load[0, 0], load[0, 0], load[0, 0]])
     if ti.static(rows):
@@ -93,10 +103,24 @@ def node_force(i, tets: ti.template(), rows: ti.template(), loads: ti.template()
 
 
 @ti.func
-def move_node(i, a, opens, closes, h, integrator: ti.template(), contact: ti.template(),
-              rest: ti.template(), u: ti.template(), v: ti.template(), half: ti.template(),
-              body, held: ti.template(), drive: ti.template(),
-              kind: ti.template(), shape: ti.template()):
+def move_node(
+    i,
+    a,
+    opens,
+    closes,
+    h,
+    integrator: ti.template(),
+    contact: ti.template(),
+    rest: ti.template(),
+    u: ti.template(),
+    v: ti.template(),
+    half: ti.template(),
+    body,
+    held: ti.template(),
+    drive: ti.template(),
+    kind: ti.template(),
+    shape: ti.template(),
+):
     """Integrate node i with acceleration a [m/s²] over the substep h [s].
 
     Velocity Verlet keeps v(t + h/2) in `half` and leaves in `v` the prediction v(t + h) that the

@@ -1,4 +1,4 @@
-"""Obstacles as the kernels see them: in each body's own coordinates (see `nodes.gap_and_normal`)."""
+"""Obstacles as kernels see them: in each body's own coordinates (`nodes.gap_and_normal`)."""
 
 from __future__ import annotations
 

@@ -9,7 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft import runtime
-from tisoft.dynamics.stable_step import batch_limits, longest_step, spring_frequencies
+from tisoft.dynamics.stable_step import (
+    DAMPING_FACTOR,
+    batch_limits,
+    longest_step,
+    spring_frequencies,
+)
 from tisoft.dynamics.system import Part, System
 
 ROUNDING = 1.0 - 1e-5
@@ -32,8 +37,9 @@ class Limit:
 class StepLimit:
     """Bounds of the tets, followed as they deform, and of the springs, which never stiffen."""
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: System, integrator: int) -> None:
         self.system = system
+        self.factor = DAMPING_FACTOR[integrator]
         self._launch: Callable[..., None] | None = None
         self.refresh()
 
@@ -47,8 +53,8 @@ class StepLimit:
             self._limits = runtime.array(np.full(shape[0], np.inf, s.real))
             if s.tets:
                 self._launch = runtime.bind(
-                    batch_limits, s.laws, s.lanes, s.law_starts, s.nodes, s.shapes, s.owner,
-                    s.material, s.u, self._modes, self._limits,
+                    batch_limits, s.all_laws, s.lanes, self.factor, s.law_starts, s.nodes, s.shapes,
+                    s.owner, s.material, s.u, self._modes, self._limits,
                 )  # fmt: skip
         else:
             runtime.write(self._modes, table)
@@ -59,7 +65,7 @@ class StepLimit:
         if not len(part.springs):
             return np.empty(0)
         omega2, rate = spring_frequencies(part.springs, part.spring_numbers, 1.0 / part.mass)
-        return longest_step(omega2, rate + part.body.model.point_damping)
+        return longest_step(omega2, self.factor * (rate + part.body.model.point_damping))
 
     def follow(self) -> None:
         """Bring the tets' limits up to date with the present state."""

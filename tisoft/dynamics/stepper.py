@@ -10,10 +10,15 @@ import numpy as np
 from tisoft import runtime
 from tisoft.dynamics.advance import advance_kernel
 from tisoft.dynamics.system import System
+from tisoft.models.consistent_mass import ITERATIONS
 
 LONGEST_LAUNCH = 64
 """Substeps per launch at the most, so that Ctrl-C and a busy machine are felt soon."""
 TETS_PER_THREAD = 100
+TRIAL = 4
+"""Substeps of the launch that tries several threads again."""
+LONGEST_WAIT = 4096
+"""Launches with one thread at the most before several are tried again."""
 SPRINGS_PER_TET = 3
 """Springs that cost about as much as one tet."""
 
@@ -30,29 +35,42 @@ class Pace:
         self.most = most
         self.alone = np.inf  # seconds per substep with one thread
         self.penalty = 1
+        self.trial = True
         self.wait = 0 if most == 1 else 1  # the first launch runs alone: what others must beat
 
     def threads(self) -> int:
         """Threads for the next launch."""
         return 1 if self.wait > 0 else self.most
 
+    def longest(self) -> int:
+        """Substeps of the next launch at the most: few where it is a trial."""
+        return TRIAL if self.wait == 0 and self.trial else LONGEST_LAUNCH
+
     def took(self, threads: int, seconds: float) -> None:
         """Note the seconds per substep of a launch."""
         if threads == 1:
-            self.alone = min(seconds, 1.05 * self.alone)
+            self.alone = min(seconds, 1.02 * self.alone)
             self.wait -= 1
         elif seconds > 1.2 * self.alone:
-            self.wait, self.penalty = self.penalty, min(2 * self.penalty, 64)
+            self.wait, self.penalty = self.penalty, min(4 * self.penalty, LONGEST_WAIT)
+            self.trial = True
         else:
-            self.penalty = 1
+            self.penalty, self.trial = 1, False
 
 
 class Stepper:
     """Advances a System by substeps; see `advance` for the order of things in one."""
 
     def __init__(
-        self, system: System, *, integrator: int, contact: bool, loads: bool, viscous: bool,
-        threads: int | None, obstacles: tuple[Any, Any],
+        self,
+        system: System,
+        *,
+        integrator: int,
+        contact: bool,
+        loads: bool,
+        viscous: bool,
+        threads: int | None,
+        obstacles: tuple[Any, Any],
     ) -> None:
         self.system = system
         self.params = runtime.array(np.zeros(4, system.real))
@@ -71,19 +89,22 @@ class Stepper:
         if not runtime.on_cpu():
             from tisoft.dynamics.gpu import bind_gpu
 
-            self._launch = bind_gpu(s, self.params, integrator, contact, loads, viscous, kind, shape)
+            self._launch = bind_gpu(
+                s, self.params, integrator, contact, loads, viscous, kind, shape
+            )
             return
-        one = np.zeros((1, 9), s.real)
         kernel = advance_kernel(s.taichi_real)
-        width = {"shapes": s.shapes, "slots": s.slots}
         arguments = [
-            0, 1, s.laws, viscous, s.springs > 0, False, loads, contact, integrator,
+            0, 1, s.laws, viscous, s.springs > 0, s.tensors,
+            ITERATIONS[s.precision] if s.consistent else 0, loads, contact, integrator,
             self.params, s.u, s.v, s.half, s.rest, s.inverse_mass, s.body,
             s.material, s.held, s.drive, s.load, s.force,
-            s.law_starts, s.nodes, width["shapes"], s.owner, width["slots"], s.flat_slots,
+            s.law_starts, s.nodes, s.shapes, s.owner, s.slots, s.flat_slots,
             s.starts, s.corners,
             s.spring_starts, s.spring_ends, s.spring_data,
-            s.spring_starts, s.spring_ends, one, one,
+            s.tensor_starts, s.tensor_ends, s.stiffness, s.viscosity,
+            s.mass_starts, s.mass_ends, s.mass_entries, s.diagonal,
+            s.acceleration, s.residual, s.direction,
             kind, shape, self._arrived,
         ]  # fmt: skip
         self._launch = runtime.bind(kernel, *arguments)
@@ -92,7 +113,7 @@ class Stepper:
         """`substeps` substeps of `step` [s] under `gravity` [m/s²]."""
         runtime.write(self.params, np.array([step, *gravity], dtype=self.system.real))
         while substeps > 0:
-            now = min(substeps, LONGEST_LAUNCH)
+            now = min(substeps, self.pace.longest() if self.fixed is None else LONGEST_LAUNCH)
             threads = self.pace.threads() if self.fixed is None else self.pace.most
             begun = time.perf_counter()
             if runtime.on_cpu():

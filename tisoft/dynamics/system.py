@@ -9,6 +9,7 @@ leads back to the mesh's own order.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,9 @@ from tisoft.checks import FieldError
 from tisoft.dynamics.advance import LANES
 from tisoft.geometry.topology import morton_order
 from tisoft.models import laws
-from tisoft.models.mass_spring import half_springs, network
+from tisoft.models.consistent_mass import mass_rows, row_starts
+from tisoft.models.mass_spring import Network, half_springs, network
+from tisoft.models.mass_tensor import tensor_blocks, tensor_rows
 from tisoft.models.materials import Linear, MassSpring, MassTensor, NeoHookean, SolidModel
 from tisoft.models.rows import SPRING_COLUMNS
 from tisoft.models.tets import batches, corner_lists, gradients, lumped_masses, spread, stiffest
@@ -35,7 +38,9 @@ def law_of(model: SolidModel) -> int:
     """The stress law of a model with tets."""
     if isinstance(model, NeoHookean):
         return laws.NEO_HOOKEAN
-    return laws.LINEAR if isinstance(model, Linear | MassTensor) else laws.ST_VENANT
+    if isinstance(model, MassTensor):
+        return laws.TENSOR
+    return laws.LINEAR if isinstance(model, Linear) else laws.ST_VENANT
 
 
 @dataclass
@@ -64,12 +69,17 @@ class Part:
     """k [N/m], L₀ [m], c [N·s/m] of each spring."""
     shift: Floats = field(default_factory=lambda: np.zeros(3))
 
+    @cached_property
+    def size(self) -> float:
+        """Largest extent of the rest shape [m]; 1 for a single node."""
+        return float(np.ptp(self.body.mesh.points, axis=0).max()) or 1.0
+
     @property
     def nodes(self) -> slice:
         """Its rows of the nodal arrays."""
         return slice(self.start, self.start + len(self.order))
 
-    @property
+    @cached_property
     def rank(self) -> NDArray[np.int64]:
         """Inside row (from `start`) of each row of `mesh.points`."""
         rank = np.empty(len(self.order), np.int64)
@@ -80,6 +90,12 @@ class Part:
     def is_springs(self) -> bool:
         """Whether its forces are springs'."""
         return isinstance(self.body.model, MassSpring)
+
+    @property
+    def is_consistent(self) -> bool:
+        """Whether its mass is the consistent matrix."""
+        model = self.body.model
+        return isinstance(model, SolidModel) and model.mass == "consistent"
 
     @property
     def is_tensor(self) -> bool:
@@ -99,8 +115,7 @@ def parts_of(bodies: list[Body]) -> list[Part]:
         if isinstance(body.model, MassSpring):
             net = network(body)
             part.springs = part.rank[net.ends]
-            damping = np.full(len(net.ends), net.damping)
-            part.spring_numbers = np.stack([net.stiffness, net.lengths, damping], axis=1)
+            part.spring_numbers = spring_numbers(net)
             part.mass = net.masses[order]
         else:
             _number_tets(part)
@@ -108,6 +123,12 @@ def parts_of(bodies: list[Body]) -> list[Part]:
         parts.append(part)
         start += len(order)
     return parts
+
+
+def spring_numbers(net: Network) -> Floats:
+    """k [N/m], L₀ [m], c [N·s/m] of each spring, shape (springs, 3)."""
+    damping = np.full(len(net.ends), net.damping)
+    return np.stack([net.stiffness, net.lengths, damping], axis=1)
 
 
 def _number_tets(part: Part) -> None:
@@ -136,6 +157,7 @@ class System:
 
     def __init__(self, bodies: list[Body], precision: str) -> None:
         self.parts = parts_of(bodies)
+        self.precision = precision
         self.real, self.taichi_real = runtime.real_type(precision)
         self.lanes = LANES if runtime.on_cpu() else GPU_LANES
         self.count = sum(len(p.order) for p in self.parts)
@@ -144,6 +166,8 @@ class System:
         self._make_nodes()
         self._make_tets()
         self._make_springs()
+        self._make_tensors()
+        self._make_mass()
         self.material = self._array(self.material_table())
 
     def _array(self, values: Any, kind: Any = None) -> Any:
@@ -172,7 +196,7 @@ class System:
         solid = [p for p in self.parts if len(p.tets)]
         nodes, shapes, owner, starts = [], [], [], [0]
         begun = 0
-        for law in range(3):
+        for law in range(laws.LAWS):
             for part in solid:
                 if law_of(part.body.model) != law:  # type: ignore[arg-type]
                     continue
@@ -190,11 +214,14 @@ class System:
         self.shapes = self._array(_join(shapes, (1, 10, lanes)))
         self.owner = self._array(_join(owner, (1,)), np.int32)
         self.law_starts = self._array(starts, np.int32)
-        self.laws = tuple(k for k in range(3) if starts[k + 1] > starts[k])
-        self.slots = self._array(np.zeros((1 if empty else begun, 12, lanes)))
-        self.flat_slots = self.slots.reshape(-1) if runtime.on_cpu() else self.slots
-        tets = _join([p.tets + p.start for p in solid], (0, 4)).astype(np.int32)
-        place = _join([p.place for p in solid], (0,)).astype(np.int32)
+        self.all_laws = tuple(k for k in range(laws.LAWS) if starts[k + 1] > starts[k])
+        self.laws = tuple(k for k in self.all_laws if k != laws.TENSOR)
+        self.flat_slots = self._array(np.zeros(max(1, begun) * 12 * lanes))
+        on_cpu = runtime.on_cpu()
+        self.slots = self.flat_slots.reshape(-1, 12, lanes) if on_cpu else self.flat_slots
+        looped = [p for p in solid if not p.is_tensor]
+        tets = _join([p.tets + p.start for p in looped], (0, 4)).astype(np.int32)
+        place = _join([p.place for p in looped], (0,)).astype(np.int32)
         corner_starts, corners = corner_lists(tets, place, self.count, lanes)
         self.starts = self._array(corner_starts, np.int32)
         self.corners = self._array(corners if len(corners) else [0], np.int32)
@@ -210,6 +237,13 @@ class System:
         self.spring_data = self._array(np.zeros((max(1, len(others)), SPRING_COLUMNS)))
         self.write_springs()
 
+    def reread_springs(self) -> None:
+        """Take stiffness, rest length and damping anew from the bodies' models."""
+        for part in self.parts:
+            if part.is_springs:
+                part.spring_numbers = spring_numbers(network(part.body))
+        self.write_springs()
+
     def write_springs(self) -> None:
         """Fill the springs' rows from the parts' numbers (after a material changed)."""
         if not self.springs:
@@ -218,6 +252,53 @@ class System:
         length = np.linalg.norm(self._vectors, axis=1)
         columns = np.column_stack([self._vectors, length, length - rest, k, c])
         runtime.write(self.spring_data, columns.astype(self.real))
+
+    def _make_tensors(self) -> None:
+        bodies = [p for p in self.parts if p.is_tensor]
+        self.tensors = bool(bodies)
+        entries = [self._tensor_rows(part, viscous=False) for part in bodies]
+        rows = _join([e[0] for e in entries], (0,)).astype(np.int64)
+        columns = _join([e[1] for e in entries], (1,))
+        self.tensor_starts = self._array(row_starts(rows, self.count), np.int32)
+        self.tensor_ends = self._array(columns, np.int32)
+        self.stiffness = self._array(_join([e[2] for e in entries], (1, 9)))
+        self.viscosity = self._array(np.zeros((max(1, len(rows)), 9)))
+        self.write_tensors()
+
+    def _tensor_rows(self, part: Part, *, viscous: bool) -> tuple[Any, Any, Floats]:
+        model = part.body.model
+        assert isinstance(model, SolidModel)
+        pair = (model.phi, model.eta) if viscous else (model.lame_lambda, model.lame_mu)
+        blocks = tensor_blocks(part.gradient, part.volume, *pair)
+        rows, columns, values = tensor_rows(part.tets, blocks)
+        return rows + part.start, columns + part.start, values
+
+    def write_tensors(self) -> None:
+        """Fill the mass-tensor rows from the materials (also after one changed)."""
+        bodies = [p for p in self.parts if p.is_tensor]
+        for viscous, target in ((False, self.stiffness), (True, self.viscosity)):
+            if bodies:
+                blocks = [self._tensor_rows(part, viscous=viscous)[2] for part in bodies]
+                runtime.write(target, np.concatenate(blocks).astype(self.real))
+
+    def _make_mass(self) -> None:
+        """Rows of the consistent mass matrix; one entry for nodes of lumped bodies."""
+        self.consistent = any(part.is_consistent for part in self.parts)
+        entries = [_mass_entries(part) for part in self.parts] if self.consistent else []
+        rows = _join([e[0] for e in entries], (0,)).astype(np.int64)
+        values = _join([e[2] for e in entries], (1,))
+        self.mass_starts = self._array(row_starts(rows, self.count), np.int32)
+        self.mass_ends = self._array(_join([e[1] for e in entries], (1,)), np.int32)
+        self.mass_entries = self._array(values)
+        diagonal = self.mass.copy()
+        if self.consistent:
+            own = rows == _join([e[1] for e in entries], (0,))
+            diagonal = values[own]
+        self.diagonal = self._array(diagonal)
+        shape = (self.count if self.consistent else 1, 3)
+        self.acceleration = self._array(np.zeros(shape))
+        self.residual = self._array(np.zeros(shape))
+        self.direction = self._array(np.zeros((2, *shape)))
 
     def material_table(self) -> Floats:
         """λ', μ' of the law, φ, η [Pa, Pa·s] and point damping [1/s], shape (bodies, 5)."""
@@ -248,7 +329,8 @@ class System:
             model = part.body.model
             if not isinstance(model, SolidModel):
                 continue
-            scale = 4.0 / model.density
+            # A tet's consistent mass is a fifth of its lumped one for all but its translation.
+            scale = (20.0 if part.is_consistent else 4.0) / model.density
             lam, mu = model.lame_lambda, model.lame_mu
             out[0, part.place] = scale * stiffest(part.gradient, lam, mu)
             if model.phi or model.eta:
@@ -263,6 +345,16 @@ class System:
         for part in self.parts:
             here[part.nodes] += part.center + part.shift
         return here
+
+
+def _mass_entries(part: Part) -> tuple[Any, Any, Floats]:
+    model = part.body.model
+    if not part.is_consistent:
+        nodes = np.arange(len(part.order)) + part.start
+        return nodes, nodes, part.mass
+    assert isinstance(model, SolidModel)
+    rows, columns, values = mass_rows(part.tets, model.density * part.volume)
+    return rows + part.start, columns + part.start, values
 
 
 def _join(blocks: list[Any], shape: tuple[int, ...]) -> NDArray[Any]:

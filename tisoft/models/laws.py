@@ -1,12 +1,13 @@
+# mypy: ignore-errors
 """Stress laws of linear tets: first Piola-Kirchhoff stress P of the displacement gradient H.
 
     x = X + u,  H = Σ u_a ⊗ ∇N_a,  F = I + H,  Ḣ = Σ v_a ⊗ ∇N_a,  force on corner a: −V P ∇N_a
 
-| law            | strain energy density Ψ, stress P = ∂Ψ/∂F                      | source |
-| -------------- | -------------------------------------------------------------- | ------ |
-| LINEAR         | Ψ = λ/2 tr(e)² + μ e:e,  e = (H + Hᵀ)/2;  P = λ tr(e) I + 2μ e  | Hooke  |
-| ST_VENANT      | Ψ = λ/2 tr(E)² + μ E:E,  E = (FᵀF − I)/2;  P = F S, S = λ tr(E) I + 2μ E | O'Brien and Hodgins 1999, eq. 7, 21 |
-| NEO_HOOKEAN    | Ψ = μ'/2 (I_C − 3) + λ'/2 (J − α)² − μ'/2 ln(I_C + 1) + const   | Smith, de Goes and Kim 2018, eq. 14 |
+    LINEAR       Ψ = λ/2 tr(e)² + μ e:e,  e = (H + Hᵀ)/2;  P = λ tr(e) I + 2μ e          (Hooke)
+    ST_VENANT    Ψ = λ/2 tr(E)² + μ E:E,  E = (FᵀF − I)/2;  P = F S,  S = λ tr(E) I + 2μ E
+                                                        (O'Brien and Hodgins 1999, eq. 7, 21)
+    NEO_HOOKEAN  Ψ = μ'/2 (I_C − 3) + λ'/2 (J − α)² − μ'/2 ln(I_C + 1) + const, I_C = tr FᵀF
+                                                        (Smith, de Goes and Kim 2018, eq. 14)
 
 O'Brien and Hodgins write ε = FᵀF − I = 2E and σ = 2S, with half the volume in front of the force:
 the same force.  Viscosity of the large-displacement laws is S_v = φ tr(Ė) I + 2η Ė with
@@ -19,7 +20,9 @@ All terms are written in H, not F, so that small strains keep their digits in f3
 
 import taichi as ti
 
-LINEAR, ST_VENANT, NEO_HOOKEAN = 0, 1, 2
+LINEAR, ST_VENANT, NEO_HOOKEAN, TENSOR = 0, 1, 2, 3
+"""TENSOR is the linear law of mass-tensor bodies, whose rows replace the loop over tets."""
+LAWS = 4
 
 
 def law_constants(law: int, lame_lambda: float, lame_mu: float) -> tuple[float, float]:
@@ -39,7 +42,9 @@ def symmetric(A):
 def hooke(e, lam, mu):
     """λ tr(e) I + 2μ e."""
     t = lam * e.trace()
-    return 2.0 * mu * e + ti.Matrix([[t, 0.0 * t, 0.0 * t], [0.0 * t, t, 0.0 * t], [0.0 * t, 0.0 * t, t]])
+    return 2.0 * mu * e + ti.Matrix(
+        [[t, 0.0 * t, 0.0 * t], [0.0 * t, t, 0.0 * t], [0.0 * t, 0.0 * t, t]]
+    )
 
 
 @ti.func
@@ -99,7 +104,7 @@ def neo_hookean_stress(H, lam, mu):
 def stress(law: ti.template(), viscous: ti.template(), H, D, lam, mu, phi, eta):
     """P [Pa] of the displacement gradient H and its rate D = Ḣ; `law` and `viscous` are static."""
     P = 0.0 * H
-    if ti.static(law == LINEAR):
+    if ti.static(law == LINEAR or law == TENSOR):
         P = hooke(symmetric(H), lam, mu)
         if ti.static(viscous):
             P += hooke(symmetric(D), phi, eta)

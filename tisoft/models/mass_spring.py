@@ -88,7 +88,8 @@ def _volume_share(
     place = np.searchsorted(known, wanted).clip(max=len(known) - 1)
     found = known[place] == wanted
     # A spring that is no edge of the mesh stands for as much as the average edge does.
-    return np.where(found, total[place], total.mean())
+    volumes: Floats = np.where(found, total[place], total.mean())
+    return volumes
 
 
 def triangle_areas(points: Floats, triangles: NDArray[np.integer]) -> Floats:
@@ -113,7 +114,8 @@ def _masses(mesh: Mesh, model: MassSpring) -> Floats:
         return lumped_masses(mesh.tets, _volumes(mesh), model.density, nodes)
     assert model.thickness is not None
     thirds = model.density * model.thickness * triangle_areas(mesh.points, mesh.surface) / 3.0
-    return np.bincount(mesh.surface.ravel(), np.repeat(thirds, 3), minlength=nodes)
+    masses: Floats = np.bincount(mesh.surface.ravel(), np.repeat(thirds, 3), minlength=nodes)
+    return masses
 
 
 def half_springs(

@@ -1,3 +1,4 @@
+# mypy: ignore-errors
 """Models whose force on a node is a sum over its neighbours: springs, and mass-tensors.
 
 Spring between nodes i and j, rest vector d = X_j − X_i of length l, Δ = u_j − u_i, y = d + Δ:
@@ -24,8 +25,15 @@ SPRING_COLUMNS = 7
 
 
 @ti.func
-def spring_force(i, viscous: ti.template(), starts: ti.template(), neighbours: ti.template(),
-                 data: ti.template(), u: ti.template(), v: ti.template()):
+def spring_force(
+    i,
+    viscous: ti.template(),
+    starts: ti.template(),
+    neighbours: ti.template(),
+    data: ti.template(),
+    u: ti.template(),
+    v: ti.template(),
+):
     """Force of its springs on node i [N]."""
     ui = ti.Vector([u[i, 0], u[i, 1], u[i, 2]])
     vi = ti.Vector([v[i, 0], v[i, 1], v[i, 2]])
@@ -48,9 +56,16 @@ def spring_force(i, viscous: ti.template(), starts: ti.template(), neighbours: t
 
 
 @ti.func
-def tensor_force(i, viscous: ti.template(), starts: ti.template(), neighbours: ti.template(),
-                 stiffness: ti.template(), viscosity: ti.template(),
-                 u: ti.template(), v: ti.template()):
+def tensor_force(
+    i,
+    viscous: ti.template(),
+    starts: ti.template(),
+    neighbours: ti.template(),
+    stiffness: ti.template(),
+    viscosity: ti.template(),
+    u: ti.template(),
+    v: ti.template(),
+):
     """Force of the mass-tensor rows on node i [N]."""
     f = 0.0 * ti.Vector([u[i, 0], u[i, 1], u[i, 2]])
     for q in range(starts[i], starts[i + 1]):
