@@ -50,7 +50,7 @@ def diagonal(t):
 @ti.func
 def cofactor_rate(B, G):
     """∂cof B/∂B : G."""
-    rows = ti.Matrix.zero(float, 3, 3) * B[0, 0]
+    rows = 0.0 * G
     for r in ti.static(range(3)):
         p, q = ti.static((r + 1) % 3, (r + 2) % 3)
         for c in ti.static(range(3)):
