@@ -209,7 +209,6 @@ class System:
             starts.append(begun)
         self.batches = begun
         lanes = self.lanes
-        empty = begun == 0
         self.nodes = self._array(_join(nodes, (1, 4, lanes)), np.int32)
         self.shapes = self._array(_join(shapes, (1, 10, lanes)))
         self.owner = self._array(_join(owner, (1,)), np.int32)
