@@ -17,6 +17,7 @@ from tisoft.body import Body
 from tisoft.checks import FieldError
 from tisoft.dynamics import nodes
 from tisoft.dynamics.energy import Energies, Forces
+from tisoft.dynamics.guard import MOST_TRIES, Guard, Recovery
 from tisoft.dynamics.hold import Holder
 from tisoft.dynamics.obstacles import obstacle_kinds, obstacle_shapes
 from tisoft.dynamics.step_limit import StepLimit
@@ -32,8 +33,6 @@ INTEGRATORS = {
     "velocity-verlet": nodes.VELOCITY_VERLET,
     "explicit-euler": nodes.EXPLICIT_EULER,
 }
-SAFETY = 0.95
-"""Share of the guaranteed bound that step = "auto" uses: room to stiffen within one frame."""
 
 
 @dataclass(frozen=True)
@@ -87,12 +86,15 @@ class Simulation:
         self.frame = 0
         self.substeps = 0
         self.steps: list[float] = []
+        self.recoveries: list[Recovery] = []
         self.wall_seconds = 0.0
         self.system = System(scene.bodies, self.precision)
         self.limit = StepLimit(self.system, INTEGRATORS[scene.integrator])
         self._models = [part.body.model for part in self.parts]
         self._set_start()
         self.compile_seconds = 0.0
+        guarded = certify and scene.integrator != "explicit-euler"
+        self.guard = Guard(self) if guarded else None
         self._make_stepper(threads)
         self.start_seconds = time.perf_counter() - begun - self.compile_seconds
 
@@ -243,7 +245,7 @@ class Simulation:
         """Number and size [s] of the substeps of the next frame."""
         step = self.scene.step
         if step == "auto":
-            step = SAFETY * self.limit.bound()
+            step = self.limit.chosen()
         elif self.certify and self.scene.integrator != "explicit-euler":
             self._refuse_long(float(step))
         count = max(1, math.ceil(frame_time / float(step) - 1e-9))
@@ -262,25 +264,68 @@ class Simulation:
         """Advance one frame.
 
         Raises:
-            Diverged: when positions stop being finite; the state is then of no use.
+            Diverged: when no step carries the frame; the state is then the last good one.
         """
         self._refresh()
         frame_time = 1.0 / self.scene.frame_rate
         end = (self.frame + 1) * frame_time
         count, h = self.substeps_of(frame_time)
         self.holder.begin(self.time, end)
-        begun = time.perf_counter()
-        self.stepper.advance(count, h, self.scene.gravity)
-        self.wall_seconds += time.perf_counter() - begun
+        count, h = self._advance(count, h)
         self.holder.finish(end)
         self.substeps += count
         self.steps.append(h)
         self.frame += 1
         self.time = end
-        if self.certify and not self._is_finite():
-            raise Diverged(self._blame(h))
         self._recenter()
         return self.here()
+
+    def _advance(self, count: int, step: float) -> tuple[int, float]:
+        """Make the substeps of one frame; returns the number and size [s] that carried it."""
+        begun = time.perf_counter()
+        if self.guard is None:
+            self.stepper.advance(count, step, self.scene.gravity)
+        else:
+            count, step = self._advance_guarded(self.guard, count, step)
+        self.wall_seconds += time.perf_counter() - begun
+        if self.guard is None and self.certify and not self._is_finite():
+            raise Diverged(
+                f"positions stopped being finite in frame {self.frame + 1} (t = {self.time:.6g} s, "
+                f"step {step:.3g} s) at {self.limit.culprit()}; give a smaller step, or another "
+                "integrator"
+            )
+        return count, step
+
+    def _advance_guarded(self, guard: Guard, count: int, step: float) -> tuple[int, float]:
+        """The same, again with half the step while the guard objects."""
+        first, last = step, None
+        guard.save()
+        for _ in range(MOST_TRIES):
+            self.stepper.advance(count, step, self.scene.gravity)
+            cause = guard.breach(step)
+            if cause is None:
+                if last is not None:
+                    self.recoveries.append(last)
+                return count, step
+            element = self.limit.culprit()
+            guard.restore()
+            count, step = 2 * count, step / 2
+            last = Recovery(self.time, cause, element, first, step)
+        assert last is not None
+        raise Diverged(_give_up(self, last))
+
+    def _is_finite(self) -> bool:
+        with np.errstate(all="ignore"):
+            sums = [runtime.read(a).sum() for a in (self.system.u, self.system.v)]
+        return bool(np.isfinite(sums).all())
+
+    def is_driven(self) -> bool:
+        """Whether loads or moved pins do work on the bodies."""
+        return self.holder.is_moving or any(part.body.loads for part in self.parts)
+
+    def masses(self) -> Floats:
+        """Lumped masses [kg], shape (nodes,), in the scene's order."""
+        return self._outside(self.system.mass, None)
 
     def here(self) -> Frame:
         """The present state as a Frame."""
@@ -311,17 +356,14 @@ class Simulation:
             for observer in watching:
                 getattr(observer, "on_end", _nothing)(self)
 
-    def _is_finite(self) -> bool:
-        u, v = runtime.read(self.system.u), runtime.read(self.system.v)
-        with np.errstate(all="ignore"):
-            return bool(np.isfinite(u.sum()) and np.isfinite(v.sum()))
 
-    def _blame(self, step: float) -> str:
-        what = self.limit.culprit()
-        return (
-            f"positions stopped being finite in frame {self.frame} (t = {self.time:.6g} s, "
-            f"step {step:.3g} s), first at {what}; give a smaller step or a softer material"
-        )
+def _give_up(simulation: Simulation, last: Recovery) -> str:
+    return (
+        f"the simulation failed in frame {simulation.frame + 1} (t = {simulation.time:.6g} s) at "
+        f"{last.element}: {last.cause}; even the step {last.step_after:.3g} s, "
+        f"{2**MOST_TRIES} times smaller than {last.step_before:.3g} s, did not help. "
+        "Move pins more slowly, make loads smaller or the material stiffer, or mend the element"
+    )
 
 
 def _nothing(_: Any) -> None:

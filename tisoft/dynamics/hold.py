@@ -21,6 +21,11 @@ class Holder:
         self._key: tuple[object, ...] | None = None
         self._moved: list[tuple[Part, Pin, NDArray[np.int64], NDArray[np.int64]]] = []
 
+    @property
+    def is_moving(self) -> bool:
+        """Whether some pin moves."""
+        return bool(self._moved)
+
     def begin(self, start: float, end: float) -> bool:
         """Prepare the frame from `start` to `end` [s]; returns whether the held axes changed."""
         late = SAME_TIME * (end - start)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tisoft import runtime
+from tisoft.dynamics.sharp_step import sharp_step
 from tisoft.dynamics.stable_step import (
     DAMPING_FACTOR,
     batch_limits,
@@ -16,7 +18,14 @@ from tisoft.dynamics.stable_step import (
     spring_frequencies,
 )
 from tisoft.dynamics.system import Part, System
+from tisoft.models.laws import NEO_HOOKEAN, ST_VENANT
 
+SHARE = 0.9
+"""Share of the sharp limit that step = "auto" uses."""
+SAFETY = 0.95
+"""Share of the guaranteed bound that it uses away from rest: room to stiffen within a frame."""
+DRIFT = 0.05
+"""Relative change of the bound up to which the sharp limit at rest is trusted."""
 ROUNDING = 1.0 - 1e-5
 """The tets' limits are computed in f32 at the least; this keeps their rounding on the safe side."""
 
@@ -39,6 +48,8 @@ class StepLimit:
 
     def __init__(self, system: System, integrator: int) -> None:
         self.system = system
+        self.integrator = integrator
+        self._moves = any(law in (ST_VENANT, NEO_HOOKEAN) for law in system.all_laws)
         self.factor = DAMPING_FACTOR[integrator]
         self._launch: Callable[..., None] | None = None
         self.refresh()
@@ -58,8 +69,22 @@ class StepLimit:
                 )  # fmt: skip
         else:
             runtime.write(self._modes, table)
+        self._rest_bound = self._tets_at_rest()
+        self.__dict__.pop("_at_rest", None)
         self.springs = [self._spring_limits(part) for part in s.parts]
         self.spring_step = min((float(a.min()) for a in self.springs if len(a)), default=np.inf)
+
+    def _tets_at_rest(self) -> float:
+        """The tets' bound with every node at its rest point [s]."""
+        if self._launch is None:
+            return np.inf
+        u = runtime.read(self.system.u).copy()
+        runtime.write(self.system.u, np.zeros_like(u))
+        self._launch()
+        least = float(runtime.read(self._limits).min()) * ROUNDING
+        runtime.write(self.system.u, u)
+        self._launch()
+        return least
 
     def _spring_limits(self, part: Part) -> NDArray[np.float64]:
         if not len(part.springs):
@@ -77,9 +102,38 @@ class StepLimit:
         self.follow()
         return min(float(runtime.read(self._limits).min()) * ROUNDING, self.spring_step)
 
+    @cached_property
+    def _at_rest(self) -> tuple[float, float]:
+        """The sharp limit at rest and the bound there [s]."""
+        bound = min(self._rest_bound, self.spring_step)
+        return max(bound, sharp_step(self.system, integrator=self.integrator)), bound
+
     def sharp(self) -> float:
-        """The stable limit at rest [s]; until it is known more sharply, the bound."""
-        return self.bound()
+        """The stable limit at rest [s], damping included: never above the true one, within 1 %."""
+        return self._at_rest[0]
+
+    def rest_bound(self) -> float:
+        """The guaranteed bound at rest [s]."""
+        return self._at_rest[1]
+
+    def chosen(self) -> float:
+        """The step [s] that "auto" takes in the present state.
+
+        Near the rest state (by the bound) that is SHARE of the sharp limit; where the body's bound
+        has moved by more than DRIFT, the bound itself, with room to stiffen within a frame.
+        """
+        bound = self.bound()
+        sharp, rest = self._at_rest
+        if abs(bound / rest - 1.0) <= DRIFT:
+            return max(SHARE * sharp * min(1.0, bound / rest), SAFETY * bound)
+        return SAFETY * bound
+
+    def accepted(self) -> float:
+        """The longest step [s] with which a frame may have come to the present state."""
+        if not self._moves:
+            return np.inf
+        sharp, rest = self._at_rest
+        return self.bound() * sharp / rest
 
     def limit(self) -> Limit:
         """The bound and the element that sets it."""
