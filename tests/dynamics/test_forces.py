@@ -37,7 +37,7 @@ VISCOUS = [
 def _one_tet(model):
     scene = ts.Scene(gravity=(0, 0, 0), precision="f64")
     scene.add_body(tet_mesh(CORNERS, [[0, 1, 2, 3]]), model)
-    return Simulation(scene)
+    return Simulation(scene, threads=1)
 
 
 def _spring_body(scene, mesh, **damping):
@@ -53,7 +53,7 @@ def _bent_block(kind, *, precision="f64", damping=0.0):
         _spring_body(scene, mesh, spring_damping=0.1 * damping)
     else:
         scene.add_body(mesh, kind(1e4, 0.3, 800.0, phi=damping, eta=2 * damping))
-    sim = Simulation(scene)
+    sim = Simulation(scene, threads=1)
     random = np.random.default_rng(3)
     x = mesh.points + 0.02 * random.standard_normal(mesh.points.shape)
     sim.set_state(x, random.standard_normal(mesh.points.shape))
@@ -163,7 +163,7 @@ def test_kinetic_and_gravity_energy_of_a_flying_block():
     mesh = ts.box(size=(1, 1, 1), cells=(2, 2, 2))
     scene = ts.Scene(gravity=(0, -10, 0), precision="f64")
     scene.add_body(mesh, ts.ViscoElastic(1e5, 0.3, 1000.0), velocity=(3, 4, 0))
-    sim = Simulation(scene)
+    sim = Simulation(scene, threads=1)
     assert sim.energy()["kinetic"] == pytest.approx(12500.0)
     assert sim.energy()["gravity"] == 0.0
     sim.set_state(mesh.points + np.array([0, 2, 0]), sim.velocities())

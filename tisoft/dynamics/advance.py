@@ -15,7 +15,7 @@ from typing import Any
 
 import taichi as ti
 
-from tisoft.dynamics.nodes import VELOCITY_VERLET, move_node, node_force
+from tisoft.dynamics.nodes import move_node, node_force
 from tisoft.models.consistent_mass import begin_solve, iterate_solve
 from tisoft.models.laws import stress
 from tisoft.models.rows import spring_force, tensor_force
@@ -96,6 +96,8 @@ def advance_kernel(real: Any) -> Any:
 
     @ti.kernel
     def advance(
+        first_pass: int,
+        last_pass: int,
         substeps: int,
         threads: int,
         laws: ti.template(),
@@ -152,8 +154,7 @@ def advance_kernel(real: Any) -> Any:
                 first, last = count * t // threads, count * (t + 1) // threads
                 h = params[0]
                 gravity = ti.Vector([params[1], params[2], params[3]])
-                passes = substeps + ti.static(1 if integrator == VELOCITY_VERLET else 0)
-                for s in range(passes):
+                for s in range(first_pass, last_pass):
                     for law in ti.static(laws):
                         size = law_starts[law + 1] - law_starts[law]
                         low = law_starts[law] + size * t // threads

@@ -9,6 +9,7 @@ import numpy as np
 
 from tisoft import runtime
 from tisoft.dynamics.advance import advance_kernel
+from tisoft.dynamics.nodes import VELOCITY_VERLET
 from tisoft.dynamics.system import System
 from tisoft.models.consistent_mass import ITERATIONS
 
@@ -73,6 +74,7 @@ class Stepper:
         obstacles: tuple[Any, Any],
     ) -> None:
         self.system = system
+        self.integrator = integrator
         self.params = runtime.array(np.zeros(4, system.real))
         work = system.tets + system.springs // SPRINGS_PER_TET
         pool = runtime.threads() if runtime.on_cpu() else 1
@@ -95,7 +97,7 @@ class Stepper:
             return
         kernel = advance_kernel(s.taichi_real)
         arguments = [
-            0, 1, s.laws, viscous, s.springs > 0, s.tensors,
+            0, 0, 0, 1, s.laws, viscous, s.springs > 0, s.tensors,
             ITERATIONS[s.precision] if s.consistent else 0, loads, contact, integrator,
             self.params, s.u, s.v, s.half, s.rest, s.inverse_mass, s.body,
             s.material, s.held, s.drive, s.load, s.force,
@@ -112,13 +114,18 @@ class Stepper:
     def advance(self, substeps: int, step: float, gravity: Any) -> None:
         """`substeps` substeps of `step` [s] under `gravity` [m/s²]."""
         runtime.write(self.params, np.array([step, *gravity], dtype=self.system.real))
-        while substeps > 0:
-            now = min(substeps, self.pace.longest() if self.fixed is None else LONGEST_LAUNCH)
+        # A frame cut into launches gives the bits of one launch: velocity Verlet's last pass only
+        # closes the last substep.
+        passes = substeps + (self.integrator == VELOCITY_VERLET and substeps > 0)
+        done = 0
+        while done < passes:
+            longest = self.pace.longest() if self.fixed is None else LONGEST_LAUNCH
+            now = min(passes - done, longest)
             threads = self.pace.threads() if self.fixed is None else self.pace.most
             begun = time.perf_counter()
             if runtime.on_cpu():
                 self._arrived[0] = 0
-            self._launch(now, threads)
+            self._launch(done, done + now, substeps, threads)
             if self.fixed is None:
                 self.pace.took(threads, (time.perf_counter() - begun) / now)
-            substeps -= now
+            done += now

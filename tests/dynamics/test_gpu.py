@@ -1,0 +1,67 @@
+"""The launches of a GPU, run on the CPU's arrays, against the one launch of the CPU."""
+
+import numpy as np
+import pytest
+
+import tisoft as ts
+from tisoft.dynamics.gpu import bind_gpu
+from tisoft.simulation import INTEGRATORS, Simulation
+
+
+def _scene(integrator, precision, mass):
+    """A hanging beam, a spring block and a mass-tensor block that fall on the ground."""
+    scene = ts.Scene(precision=precision, integrator=integrator, step=2e-4, frame_rate=500)
+    beam = ts.box(size=(1, 0.2, 0.2), cells=(5, 2, 2))
+    held = scene.add_body(beam, ts.ViscoElastic(1e5, 0.3, 1000.0, phi=20, eta=20, mass=mass))
+    held.pin(ts.where.box((-1, -1, -1), (1e-6, 1, 1)))
+    cube = ts.box(size=(0.2, 0.2, 0.2), cells=(2, 2, 2))
+    lower = cube.transformed(translate=(0, -0.98, 0))
+    springs = ts.MassSpring(young=1e4, density=500.0, spring_damping=0.3, point_damping=0.5)
+    scene.add_body(lower, springs, velocity=(1, -2, 0))
+    scene.add_body(
+        lower.transformed(translate=(1, 0, 0)),
+        ts.MassTensor(1e5, 0.3, 1000.0, eta=10.0),
+        velocity=(0, -3, 1),
+    )
+    scene.add_body(lower.transformed(translate=(2, 0, 0)), ts.NeoHookean(1e5, 0.4, 1000.0))
+    scene.add_obstacle(ts.Plane(point=(0, -1, 0), normal=(0, 1, 0), friction=0.4))
+    return scene
+
+
+@pytest.mark.parametrize("precision", ["f32", "f64"])
+@pytest.mark.parametrize(
+    ("integrator", "mass"),
+    [
+        ("symplectic-euler", "lumped"),
+        ("velocity-verlet", "lumped"),
+        ("symplectic-euler", "consistent"),
+        ("velocity-verlet", "consistent"),
+    ],
+)
+def test_launches_per_substep_agree_with_one_launch_a_frame(integrator, mass, precision):
+    one = Simulation(_scene(integrator, precision, mass), certify=False, threads=1)
+    many = Simulation(_scene(integrator, precision, mass), certify=False, threads=1)
+    s = many.stepper
+    s._launch = bind_gpu(
+        many.system, s.params, INTEGRATORS[integrator], True, False, True, many._kind, many._shape
+    )
+    for _ in range(10):
+        one.step()
+        many.step()
+    digits = float(np.finfo(one.system.real).eps)
+    assert np.abs(one.positions() - one.system.world(0 * one.system.u)).max() > 0.01
+    assert many.positions() == pytest.approx(one.positions(), abs=200 * digits)
+    assert many.velocities() == pytest.approx(one.velocities(), abs=2e5 * digits)
+
+
+def test_launches_of_any_length_give_the_same_bits(monkeypatch):
+    """Velocity Verlet with viscosity: a frame's bits hang on no count of launches."""
+    results = []
+    for longest in (64, 3):
+        monkeypatch.setattr("tisoft.dynamics.stepper.LONGEST_LAUNCH", longest)
+        sim = Simulation(_scene("velocity-verlet", "f32", "lumped"), certify=False, threads=1)
+        for _ in range(3):
+            sim.step()
+        results.append((sim.positions(), sim.velocities()))
+    assert np.array_equal(*(x for x, _ in results))
+    assert np.array_equal(*(v for _, v in results))
