@@ -123,6 +123,7 @@ class Simulation:
         u = self._inside(new[0]) - self.system.world(np.zeros(shape))
         runtime.write(self.system.u, u.astype(self.system.real))
         runtime.write(self.system.v, self._inside(new[1]).astype(self.system.real))
+        self.limit.moved()
 
     def forces(self, body: Body | None = None) -> Floats:
         """Elastic, viscous and spring forces [N] in the present state, shape (nodes, 3)."""
@@ -285,6 +286,7 @@ class Simulation:
         begun = time.perf_counter()
         if self.guard is None:
             self.stepper.advance(count, step, self.scene.gravity)
+            self.limit.moved()
         else:
             count, step = self._advance_guarded(self.guard, count, step)
         self.wall_seconds += time.perf_counter() - begun
@@ -302,6 +304,7 @@ class Simulation:
         guard.save()
         for _ in range(MOST_TRIES):
             self.stepper.advance(count, step, self.scene.gravity)
+            self.limit.moved()
             cause = guard.breach(step)
             if cause is None:
                 if last is not None:
@@ -309,6 +312,7 @@ class Simulation:
                 return count, step
             element = self.limit.culprit()
             guard.restore()
+            self.limit.moved()
             count, step = 2 * count, step / 2
             last = Recovery(self.time, cause, element, first, step)
         assert last is not None

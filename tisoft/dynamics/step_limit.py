@@ -52,6 +52,7 @@ class StepLimit:
         self._moves = any(law in (ST_VENANT, NEO_HOOKEAN) for law in system.all_laws)
         self.factor = DAMPING_FACTOR[integrator]
         self._launch: Callable[..., None] | None = None
+        self._bound: float | None = None
         self.refresh()
 
     def refresh(self) -> None:
@@ -71,6 +72,7 @@ class StepLimit:
             runtime.write(self._modes, table)
         self._rest_bound = self._tets_at_rest()
         self.__dict__.pop("_at_rest", None)
+        self._bound = None
         self.springs = [self._spring_limits(part) for part in s.parts]
         self.spring_step = min((float(a.min()) for a in self.springs if len(a)), default=np.inf)
 
@@ -99,8 +101,15 @@ class StepLimit:
 
     def bound(self) -> float:
         """A step [s] that is never above the limit, in the present state."""
-        self.follow()
-        return min(float(runtime.read(self._limits).min()) * ROUNDING, self.spring_step)
+        if self._bound is None:
+            self.follow()
+            self._bound = min(float(runtime.read(self._limits).min()) * ROUNDING, self.spring_step)
+        return self._bound
+
+    def moved(self) -> None:
+        """Say that the state is another one now."""
+        if self._moves:
+            self._bound = None
 
     @cached_property
     def _at_rest(self) -> tuple[float, float]:

@@ -13,8 +13,10 @@ from tisoft.dynamics.nodes import VELOCITY_VERLET
 from tisoft.dynamics.system import System
 from tisoft.models.consistent_mass import ITERATIONS
 
-LONGEST_LAUNCH = 64
-"""Substeps per launch at the most, so that Ctrl-C and a busy machine are felt soon."""
+LAUNCH_WORK = 400_000
+"""Tet-substeps per launch at the most, some 5 ms: Ctrl-C and a busy machine are felt soon."""
+SHORTEST = 8
+"""Substeps per launch that are worth it for any scene."""
 TETS_PER_THREAD = 100
 TRIAL = 4
 """Substeps of the launch that tries several threads again."""
@@ -43,9 +45,9 @@ class Pace:
         """Threads for the next launch."""
         return 1 if self.wait > 0 else self.most
 
-    def longest(self) -> int:
-        """Substeps of the next launch at the most: few where it is a trial."""
-        return TRIAL if self.wait == 0 and self.trial else LONGEST_LAUNCH
+    def is_trial(self) -> bool:
+        """Whether the next launch tries several threads again; it should be a short one."""
+        return self.wait == 0 and self.trial
 
     def took(self, threads: int, seconds: float) -> None:
         """Note the seconds per substep of a launch."""
@@ -81,6 +83,7 @@ class Stepper:
         most = max(1, min(pool, work // TETS_PER_THREAD))
         self.pace = Pace(most if threads is None else max(1, min(threads, pool)))
         self.fixed = threads
+        self.longest = max(SHORTEST, LAUNCH_WORK // max(1, work))
         self._arrived = runtime.array(np.zeros(1, np.int32))
         self._bind(integrator, contact, loads, viscous, *obstacles)
 
@@ -111,6 +114,9 @@ class Stepper:
         ]  # fmt: skip
         self._launch = runtime.bind(kernel, *arguments)
 
+    def _tries(self) -> bool:
+        return self.fixed is None and self.pace.is_trial()
+
     def advance(self, substeps: int, step: float, gravity: Any) -> None:
         """`substeps` substeps of `step` [s] under `gravity` [m/s²]."""
         runtime.write(self.params, np.array([step, *gravity], dtype=self.system.real))
@@ -119,8 +125,7 @@ class Stepper:
         passes = substeps + (self.integrator == VELOCITY_VERLET and substeps > 0)
         done = 0
         while done < passes:
-            longest = self.pace.longest() if self.fixed is None else LONGEST_LAUNCH
-            now = min(passes - done, longest)
+            now = min(passes - done, TRIAL if self._tries() else self.longest)
             threads = self.pace.threads() if self.fixed is None else self.pace.most
             begun = time.perf_counter()
             if runtime.on_cpu():
