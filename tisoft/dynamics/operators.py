@@ -151,6 +151,13 @@ class Elastic:
         blocks = assembly.tangent_blocks(self.law, self._shape(u), *self.constants[:2])
         return self._assemble(u, blocks, 0)
 
+    def stiffness_blocks(self, u: Floats) -> Floats:
+        """The 3×3 blocks on the diagonal of K(u) [N/m], shape (nodes, 3, 3)."""
+        matrix = self.stiffness(u).tobsr((3, 3))
+        rows = np.repeat(np.arange(self.nodes), np.diff(matrix.indptr))
+        blocks: Floats = matrix.data[matrix.indices == rows].copy()
+        return blocks
+
     def viscosity(self, u: Floats) -> sparse.csc_matrix:
         """C(u) [N·s/m] as a sparse matrix (point damping left out)."""
         blocks = assembly.viscous_blocks(self.law, self._shape(u), *self.constants[2:])
