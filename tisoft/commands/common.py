@@ -1,43 +1,56 @@
-"""Options that commands share, and how a scene is loaded and run from them."""
+"""Options that commands share, and how a scene is loaded, run and reported from them."""
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
 import re
-from typing import Any
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
 
-from tisoft.errors import SceneError
+from tisoft import runtime
+from tisoft.errors import Diverged, SceneError
+from tisoft.runtime import ARCHS
 from tisoft.scene import Render, Scene
 from tisoft.scene_file import load_scene
+from tisoft.whole_files import as_json
 
-ARCHS = ("cpu", "cuda", "metal", "vulkan", "auto")
+if TYPE_CHECKING:
+    from tisoft.simulation import Simulation
+
 COLORS = ("stress", "strain", "speed", "body")
+INTERRUPTED = 130
+"""Exit code after Ctrl-C."""
+STATUS = {0: "done", Diverged.exit_code: "diverged", INTERRUPTED: "interrupted"}
 
 
 def add_output(parser: argparse.ArgumentParser) -> None:
     """--json and --quiet."""
     parser.add_argument("--json", action="store_true", help="print the result as one JSON object")
-    parser.add_argument("--quiet", action="store_true", help="no progress, no summary")
+    parser.add_argument("--quiet", action="store_true", help="no progress, no text")
 
 
 def add_machine(parser: argparse.ArgumentParser) -> None:
     """--arch and --precision."""
     parser.add_argument("--arch", choices=ARCHS, default="cpu", help="where to compute (cpu)")
-    parser.add_argument("--precision", choices=("f32", "f64"), help="the scene's, else f32")
+    parser.add_argument("--precision", choices=("f32", "f64"), help="instead of the scene's")
+
+
+def add_settings(parser: argparse.ArgumentParser) -> None:
+    """--set."""
+    parser.add_argument(
+        "--set", dest="settings", metavar="KEY=VALUE", action="append", default=[],
+        help="replace a key of the scene, as body.0.young=2e5; may be repeated",
+    )  # fmt: skip
 
 
 def add_scene(parser: argparse.ArgumentParser) -> None:
-    """SCENE and --set, and all options that every command with a scene has."""
+    """SCENE, and all options that every command with a scene has."""
     parser.add_argument("scene", metavar="SCENE", help="a scene file (.toml)")
-    parser.add_argument(
-        "--set",
-        dest="settings",
-        metavar="KEY=VALUE",
-        action="append",
-        default=[],
-        help="replace a key of the scene, as body.0.young=2e5; may be repeated",
-    )
+    add_settings(parser)
     add_machine(parser)
     add_output(parser)
 
@@ -54,11 +67,11 @@ def scene_of(options: argparse.Namespace) -> Scene:
     scene = load_scene(options.scene, options.settings)
     if options.precision:
         scene.precision = options.precision
-    scene.render = render_of(options, scene.render)
+    scene.render = _render_of(options, scene.render)
     return scene
 
 
-def render_of(options: argparse.Namespace, render: Render) -> Render:
+def _render_of(options: argparse.Namespace, render: Render) -> Render:
     """The scene's picture settings with those of the command line instead."""
     changes: dict[str, Any] = {}
     if getattr(options, "size", None):
@@ -71,3 +84,71 @@ def render_of(options: argparse.Namespace, render: Render) -> Render:
     if getattr(options, "wireframe", False):
         changes["wireframe"] = True
     return dataclasses.replace(render, **changes)
+
+
+def simulation_of(scene: Scene, options: argparse.Namespace) -> Simulation:
+    """The running scene.  Everything that needs Taichi is imported here or later."""
+    runtime.import_taichi()
+    from tisoft.simulation import Simulation
+
+    return Simulation(scene, arch=options.arch)
+
+
+class Run:
+    """One run of a scene, however it ends, and its result."""
+
+    def __init__(self, sim: Simulation) -> None:
+        from tisoft.check.limiting import limiting_element
+        from tisoft.check.warnings import warnings_of
+
+        self.sim = sim
+        self.code = 0
+        self.error: str | None = None
+        self.seconds = 0.0
+        self._warnings = warnings_of(sim.scene)
+        self._stable_step = sim.limit.sharp()
+        self._limiting = limiting_element(sim)
+        sim.energy()  # compiles, which is no part of the run
+
+    @contextmanager
+    def ended(self) -> Iterator[None]:
+        """Time what is inside, and note how it ends instead of raising."""
+        begun = time.perf_counter()
+        try:
+            yield
+        except KeyboardInterrupt:
+            self.code, self.error = INTERRUPTED, "interrupted; what was written is whole"
+        except Diverged as error:
+            self.code, self.error = error.exit_code, str(error)
+        finally:
+            self.seconds = time.perf_counter() - begun
+
+    def result(self, **more: Any) -> dict[str, Any]:
+        """The object of --json."""
+        from tisoft.observers.summary import summary
+
+        made = summary(
+            self.sim,
+            status=STATUS[self.code],
+            stable_step=self._stable_step,
+            limiting=self._limiting,
+            wall_seconds=self.seconds,
+            warnings=self._warnings,
+        )
+        if self.error is not None:
+            made["error"] = self.error
+        return made | more
+
+    def report(self, options: argparse.Namespace, result: dict[str, Any], *lines: str) -> int:
+        """Print the result and the error; returns the exit code."""
+        from tisoft.observers.summary import as_text
+
+        if options.json:
+            print(as_json(result))
+        elif not options.quiet:
+            print("\n".join([as_text(result), *lines]))
+            for warning in result["warnings"]:
+                print(f"tisoft: warning: {warning}", file=sys.stderr)
+        if self.error is not None:
+            print(f"tisoft: error: {self.error}", file=sys.stderr)
+        return self.code

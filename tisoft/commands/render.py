@@ -3,9 +3,20 @@
 from __future__ import annotations
 
 import argparse
-import time
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tisoft.commands import common
+from tisoft.scene import Scene
+
+if TYPE_CHECKING:
+    from tisoft.observers.film import Film
+
+HELP = "simulate a scene and draw it, without a display"
+EXAMPLES = """examples:
+  tisoft render beam.toml -o beam.mp4 --color stress
+  tisoft render beam.toml -o beam.png               a picture of the end
+  tisoft render beam.toml -o pictures/              a folder of pictures"""
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -19,20 +30,34 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Simulate twice: a first look fixes the view and the colours, the second run is drawn."""
-    begun = time.perf_counter()
+    """Draw the scene and report."""
     scene = common.scene_of(options)
-    from tisoft import runtime
+    run, film = draw(scene, options, options.output)
+    count = film.sink.count
+    size = "{} x {}".format(*scene.render.size)
+    told = [f"{options.output}: {count} pictures of {size} pixels"] if count else []
+    return run.report(options, run.result(output=options.output, pictures=count), *told)
 
-    runtime.import_taichi()
-    from tisoft.observers.film import film_to, surveyed
-    from tisoft.observers.progress import Progress
-    from tisoft.simulation import Simulation
 
-    sim = Simulation(scene, arch=options.arch)
-    survey = surveyed(sim, [Progress("looking ahead", quiet=options.quiet)])
-    sim = Simulation(scene, arch=options.arch)
-    with film_to(options.output, sim, survey) as film:
-        sim.run(observers=[film, Progress("drawing", quiet=options.quiet)])
-    print(f"{options.output}: {film.sink.count} pictures in {time.perf_counter() - begun:.1f} s")
-    return 0
+def draw(
+    scene: Scene, options: argparse.Namespace, output: str | Path, *, kept: float | None = None
+) -> tuple[common.Run, Film]:
+    """Simulate twice: a first look fixes the view and the colours, the second run is drawn.
+
+    The film keeps the picture at the share `kept` of the run in `film.kept`.
+    """
+    sim = common.simulation_of(scene, options)
+
+    from tisoft.observers.film import Look, film_to
+    from tisoft.observers.progress import Interruption, Progress
+
+    run = common.Run(sim)
+    with run.ended(), film_to(output, scene) as film:  # first: a wrong place is told at once
+        look = Look(scene.render.color)
+        sim.run(observers=[Interruption(), look, Progress("looking", quiet=options.quiet)])
+        run.sim = common.simulation_of(scene, options)
+        run.sim.compile_seconds += sim.compile_seconds
+        film.survey, film.kept_index = look.survey, round((kept or 1.0) * sim.frame)
+        run.sim.run(observers=[Interruption(), film, Progress("drawing", quiet=options.quiet)])
+    run.seconds = run.sim.wall_seconds
+    return run, film

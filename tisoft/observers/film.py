@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tisoft.observers.scenery import Scenery, Survey
 from tisoft.render.video import Sink, open_sink
-from tisoft.simulation import Frame, Simulation
+from tisoft.scene import Scene
+from tisoft.simulation import Frame
 
 
 class Look:
@@ -24,29 +27,36 @@ class Look:
 
 
 class Film:
-    """Draws every frame into an open sink."""
+    """Draws every frame into an open sink.
 
-    def __init__(self, sink: Sink, survey: Survey) -> None:
+    Without a survey, from an earlier Look at the same run, it frames what may happen by the start
+    alone, and the colours' range grows with the values.
+    """
+
+    def __init__(self, sink: Sink, survey: Survey | None = None) -> None:
         self.sink = sink
         self.survey = survey
+        self.kept_index: int | None = None
+        """Frame whose picture is kept in `kept`."""
+        self.kept: NDArray[np.uint8] | None = None
         self._scenery: Scenery | None = None
 
     def on_frame(self, frame: Frame) -> None:
-        if self._scenery is None:
-            self._scenery = Scenery(frame.simulation, self.survey)
-        self.last = self._scenery.draw()
-        self.sink.write(self.last)
+        sim = frame.simulation
+        if self._scenery is None or self._scenery.sim is not sim:
+            self._grows = self.survey is None
+            survey = self.survey or Survey.of_start(sim)
+            self._scenery = Scenery(sim, survey)
+        if self._grows:
+            self._scenery.survey.see(sim, sim.scene.render.color)
+        picture = self._scenery.draw()
+        self.sink.write(picture)
+        if frame.index == self.kept_index:
+            self.kept = picture
 
 
 @contextmanager
-def film_to(path: str | Path, sim: Simulation, survey: Survey) -> Iterator[Film]:
-    """A Film of `sim` that ends in the file `path`, whole or not at all."""
-    with open_sink(path, sim.scene.render.size, sim.scene.frame_rate) as sink:
-        yield Film(sink, survey)
-
-
-def surveyed(sim: Simulation, observers: Iterable[Any] = ()) -> Survey:
-    """Run the scene without drawing, to learn where it goes."""
-    look = Look(sim.scene.render.color)
-    sim.run(observers=[look, *observers])
-    return look.survey
+def film_to(path: str | Path, scene: Scene) -> Iterator[Film]:
+    """A Film of a scene that ends in the file `path`, whole or not at all."""
+    with open_sink(path, scene.render.size, scene.frame_rate) as sink:
+        yield Film(sink)

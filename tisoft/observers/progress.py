@@ -1,8 +1,11 @@
-"""A progress bar on a terminal; nothing in a pipe."""
+"""Progress on a terminal, and a clean end when it is interrupted."""
 
 from __future__ import annotations
 
+import signal
 import sys
+import threading
+from types import FrameType
 from typing import Any
 
 from tisoft.simulation import Frame, Simulation
@@ -34,4 +37,33 @@ class Progress:
             self._bar.update()
 
     def on_end(self, sim: Simulation) -> None:
-        self._bar.close()
+        if self._bar is not None:
+            self._bar.close()
+
+
+class Interruption:
+    """Turns Ctrl-C into an end between two frames, so that every observer has seen the same ones.
+
+    It must be the first of the observers.  A second Ctrl-C ends the run at once.
+    """
+
+    def __init__(self) -> None:
+        self._asked = False
+        self._before: Any = None
+
+    def on_start(self, sim: Simulation) -> None:
+        if threading.current_thread() is threading.main_thread():
+            self._before = signal.signal(signal.SIGINT, self._note)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        if self._asked:
+            raise KeyboardInterrupt
+        self._asked = True
+
+    def on_frame(self, frame: Frame) -> None:
+        if self._asked:
+            raise KeyboardInterrupt
+
+    def on_end(self, sim: Simulation) -> None:
+        if self._before is not None:
+            signal.signal(signal.SIGINT, self._before)

@@ -165,4 +165,5 @@ def _node_volumes(part: Part) -> Floats:
             "colour by strain, speed or body"
         )
     thirds = body.model.thickness * triangle_areas(mesh.points, mesh.surface) / 3.0
-    return np.bincount(mesh.surface.ravel(), np.repeat(thirds, 3), minlength=count)[part.order]
+    volumes = np.bincount(mesh.surface.ravel(), np.repeat(thirds, 3), minlength=count)
+    return np.asarray(volumes[part.order], np.float64)

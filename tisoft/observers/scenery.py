@@ -39,6 +39,19 @@ class Survey:
     hi: Floats = field(default_factory=lambda: np.full(3, -np.inf))
     top: float = 0.0
 
+    @classmethod
+    def of_start(cls, sim: Simulation) -> Survey:
+        """What the start alone tells: where bodies are, and the ground that they may fall to."""
+        survey = cls()
+        survey.see(sim, "body")
+        up = up_of(sim.scene)
+        ground = ground_of(sim.scene, up)
+        if ground is not None:
+            below = up * (up @ (survey.lo - np.array(ground.point)))
+            survey.lo = np.minimum(survey.lo, survey.lo - below)
+            survey.hi = np.maximum(survey.hi, survey.lo)
+        return survey
+
     def see(self, sim: Simulation, color: str) -> None:
         """Widen it by the simulation's present state."""
         x = sim.positions()
@@ -140,14 +153,17 @@ def _half(box: Box) -> Floats:
 
 
 def body_items(
-    body: Body, start: int, positions: Floats, number: int, *, wireframe: bool
+    body: Body, start: int, positions: Floats, number: int, *, wireframe: bool, net: bool = False
 ) -> list[Item]:
-    """What shows a body whose nodes begin at row `start` of `positions`."""
+    """What shows a body whose nodes begin at row `start` of `positions`.
+
+    Springs are drawn as such, but for cloth, which shows its triangles unless `net` is set.
+    """
     color = body_color(number)
     mesh = body.mesh
     if not isinstance(body.model, MassSpring):
         return [Surface(positions, mesh.surface + start, color, wireframe=wireframe)]
-    if _is_sheet(mesh.surface) and not isinstance(mesh, TetMesh):
+    if not net and not isinstance(mesh, TetMesh) and _is_sheet(mesh.surface):
         return [Surface(positions, mesh.surface + start, color, wireframe=wireframe)]
     springs = body.springs().astype(np.int32)
     ends = mesh.points[springs]

@@ -1,0 +1,1 @@
+"""A look at a scene before it runs."""

@@ -1,0 +1,190 @@
+"""What `tisoft check` tells: meshes, springs' rigidity, the stable step, the cost, warnings."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tisoft.body import Body
+from tisoft.check.limiting import damping_cost, limiting_element, metres
+from tisoft.check.warnings import warnings_of
+from tisoft.geometry.mesh import TetMesh
+from tisoft.geometry.quality import altitudes, quality
+from tisoft.geometry.rigidity import (
+    Rigidity,
+    mechanism,
+    missing_springs,
+    moving_nodes,
+    rigidity,
+)
+from tisoft.models.materials import MassSpring
+from tisoft.simulation import Simulation
+
+TRIAL, LEAST_TRIALS = 4, 5
+"""Substeps of a trial, and trials at the least, to measure how fast the scene runs."""
+TRIAL_SECONDS, MOST_TRIAL_SECONDS = 0.1, 1.0
+"""Time spent on it where a trial is short, and where it is long."""
+
+
+@dataclass
+class Report:
+    """The result of a check, and the worst mechanism of its springs for a picture."""
+
+    result: dict[str, Any]
+    mechanisms: dict[str, NDArray[np.float64]] = field(default_factory=dict)
+    """By body: displacements of its worst mechanism, shape (nodes, 3)."""
+
+
+def check(sim: Simulation) -> Report:
+    """Look at a simulation that has not run yet; it has run a little afterwards."""
+    scene = sim.scene
+    report = Report({})
+    step = sim.substeps_of(1.0 / scene.frame_rate)[1]
+    report.result = {
+        "status": "done",
+        "step": step,
+        "stable_step": sim.limit.sharp(),
+        "element_bound": sim.limit.bound(),
+        "limiting_element": limiting_element(sim),
+        "damping_cost": damping_cost(sim),
+        "zero_energy_modes": {},
+        "in_plane": {},
+        "mesh": {body.name: mesh_report(body) for body in scene.bodies},
+        "nodes": sim.system.count,
+        "elements": sim.system.tets,
+        "springs": sim.system.springs,
+        "warnings": warnings_of(scene),
+    }
+    for body in scene.bodies:
+        if isinstance(body.model, MassSpring):
+            _count_modes(body, report)
+    report.result["estimated_real_time_factor"] = estimated_real_time_factor(sim)
+    return report
+
+
+def mesh_report(body: Body) -> dict[str, Any]:
+    """Numbers of a body's mesh; None for what springs do not have."""
+    mesh = body.mesh
+    found = {
+        "nodes": len(mesh.points),
+        "elements": len(mesh.tets) or len(body.springs()),
+        "volume": None,
+        "flipped": mesh.flipped,
+        "dropped_nodes": mesh.dropped_nodes,
+        "pieces": mesh.pieces,
+        "worst_quality": None,
+        "worst_element": None,
+        "size": np.ptp(mesh.points, axis=0).tolist(),
+    }
+    if isinstance(mesh, TetMesh):
+        shape = quality(mesh)
+        worst = int(np.argmin(shape))
+        found |= {
+            "volume": float(mesh.volumes.sum()),
+            "worst_quality": float(shape[worst]),
+            "worst_element": worst,
+            "median_altitude": float(np.median(altitudes(mesh))),
+        }
+    if isinstance(body.model, MassSpring):
+        found["springs"] = len(body.springs())
+    return found
+
+
+def _count_modes(body: Body, report: Report) -> None:
+    points, springs = body.mesh.points, body.springs()
+    counted: Rigidity = rigidity(points, springs)
+    report.result["zero_energy_modes"][body.name] = counted.zero_energy_modes
+    if counted.in_plane is not None:
+        report.result["in_plane"][body.name] = counted.in_plane
+    if not counted.mechanisms:
+        return
+    motion = mechanism(points, springs, counted)
+    report.mechanisms[body.name] = motion
+    more = missing_springs(points, springs)
+    after = rigidity(points, np.concatenate([springs, more]))
+    moving = body.mesh.kept_nodes[moving_nodes(motion)]
+    told = counted.warning(body.name, moving=moving, missing=more, after=after)
+    if told is not None:
+        report.result["warnings"].append(told)
+
+
+def estimated_real_time_factor(sim: Simulation) -> float:
+    """Simulated seconds per second of stepping, from a short trial."""
+    step = sim.substeps_of(1.0 / sim.scene.frame_rate)[1]
+    spent: list[float] = []
+    while len(spent) < LEAST_TRIALS or sum(spent) * TRIAL < TRIAL_SECONDS:
+        begun = time.perf_counter()
+        sim.stepper.advance(TRIAL, step, sim.scene.gravity)
+        spent.append((time.perf_counter() - begun) / TRIAL)
+        if sum(spent) * TRIAL > MOST_TRIAL_SECONDS:
+            break
+    return step / statistics.median(spent)
+
+
+def as_text(result: dict[str, Any]) -> str:
+    """The report, laid out to be read."""
+    lines = []
+    for name, mesh in result["mesh"].items():
+        lines += _mesh_lines(name, mesh, result)
+    lines.append("step")
+    lines.append(f"  stable limit   {seconds(result['stable_step'])}, at rest, damping included")
+    lines.append(f"  element bound  {seconds(result['element_bound'])}, never above the limit")
+    lines.append(f"  taken          {seconds(result['step'])}")
+    limiting = result["limiting_element"]
+    if limiting is not None:
+        lines.append(
+            f'  set by         {limiting["kind"]} {limiting["element"]} of "{limiting["body"]}":'
+        )
+        lines.append(f"                 {limiting['reason']}")
+    cost = result["damping_cost"]
+    if cost > 1.005:
+        lines.append(f"  damping        makes the step {cost:.3g} times smaller")
+    factor = result["estimated_real_time_factor"]
+    lines += ["speed", f"  estimated      {factor:.3g} x real time on this machine"]
+    if result["warnings"]:
+        lines += ["warnings", *(f"  - {warning}" for warning in result["warnings"])]
+    return "\n".join(lines)
+
+
+def _mesh_lines(name: str, mesh: dict[str, Any], result: dict[str, Any]) -> list[str]:
+    kind = "springs" if mesh["volume"] is None else "tets"
+    size = " x ".join(metres(length) if length else "0" for length in mesh["size"])
+    lines = [f'body "{name}"', f"  mesh           {mesh['nodes']} nodes, {mesh['elements']} {kind}"]
+    if mesh["volume"] is not None and "springs" in mesh:
+        lines[-1] += f", {mesh['springs']} springs"
+    lines[-1] += f", {size}"
+    if mesh["volume"] is not None:
+        lines[-1] += f", {mesh['volume']:.4g} m³"
+        lines.append(
+            f"  quality        worst {mesh['worst_quality']:.2g} (tet {mesh['worst_element']}), "
+            f"median altitude {metres(mesh['median_altitude'])}"
+        )
+    for key, told in (
+        ("flipped", "tets turned round: the file had them inside out"),
+        ("dropped_nodes", "nodes dropped: nothing in the file uses them"),
+    ):
+        if mesh[key]:
+            lines.append(f"  note           {mesh[key]} {told}")
+    if mesh["pieces"] > 1:
+        lines.append(f"  note           {mesh['pieces']} pieces that nothing joins")
+    if name in result["zero_energy_modes"]:
+        told = f"{result['zero_energy_modes'][name]} in space beyond rigid motion"
+        if name in result["in_plane"]:
+            told += f", {result['in_plane'][name]} of them in plane"
+        lines.append(f"  mechanisms     {told}")
+    return lines
+
+
+def seconds(time: float) -> str:
+    """A time with a handy unit."""
+    if not np.isfinite(time):
+        return "none: nothing oscillates"
+    for factor, unit in ((1.0, "s"), (1e3, "ms"), (1e6, "µs")):
+        if time * factor >= 0.1:
+            return f"{time * factor:.4g} {unit}"
+    return f"{time:.3g} s"

@@ -1,0 +1,160 @@
+"""What a scene may surprise its user with, as sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tisoft.body import Body
+from tisoft.geometry.mesh import TetMesh
+from tisoft.models.mass_spring import triangle_areas
+from tisoft.models.materials import NeoHookean, SolidModel, ViscoElastic
+from tisoft.scene import Box, Obstacle, Plane, Scene, Sphere
+
+Floats = NDArray[np.float64]
+
+LOCKING = 0.45
+"""Poisson's ratio above which linear tets are much too stiff."""
+SOFTENING = 0.3
+"""Compression at which St. Venant-Kirchhoff has lost a third of its stiffness."""
+BENDING = {1: "several times", 2: "33 to 49 %", 3: "15 to 25 %", 4: "about 11 %"}
+"""How much too stiff linear tets bend, by elements through the thickness."""
+
+
+def warnings_of(scene: Scene) -> list[str]:
+    """Sentences, none where nothing is to be said; costs milliseconds."""
+    found = list(_of_scene(scene))
+    for body in scene.bodies:
+        found += _of_body(body, scene)
+    return found
+
+
+def _of_scene(scene: Scene) -> Iterator[str]:
+    if len(scene.bodies) > 1:
+        boxes = [(b.mesh.points.min(axis=0), b.mesh.points.max(axis=0)) for b in scene.bodies]
+        inside = [
+            f"{scene.bodies[i].name!r} and {scene.bodies[j].name!r}"
+            for i in range(len(boxes))
+            for j in range(i)
+            if (boxes[i][0] < boxes[j][1]).all() and (boxes[j][0] < boxes[i][1]).all()
+        ]
+        told = f" ({inside[0]} may overlap at the start)" if inside else ""
+        yield f"bodies do not touch each other, only obstacles: keep them apart{told}"
+    if scene.integrator == "explicit-euler":
+        yield "explicit Euler gains energy at any step: it is there to show how it fails"
+
+
+def _of_body(body: Body, scene: Scene) -> Iterator[str]:
+    name, model = f'body "{body.name}"', body.model
+    for number, obstacle in enumerate(scene.obstacles):
+        count = int((depth_inside(obstacle, body.mesh.points) > 0.0).sum())
+        if count:
+            yield (
+                f"{name} starts with {count} nodes inside obstacle[{number}] and will be pushed "
+                "out of it; move the body or the obstacle"
+            )
+    if model.point_damping:
+        strength = float(np.linalg.norm(scene.gravity))
+        fall = f": it falls at {strength / model.point_damping:.3g} m/s at the most"
+        yield f"{name} has point damping, which brakes rigid motion too{fall if strength else ''}"
+    if not isinstance(model, SolidModel):
+        return
+    if model.poisson > LOCKING:
+        yield (
+            f"{name} has poisson = {model.poisson:g}: above {LOCKING} linear tets lock, "
+            "so it is much too stiff; use 0.45 or less"
+        )
+    if isinstance(body.mesh, TetMesh) and (told := _bending(body.mesh)):
+        yield f"{name} {told}"
+    if isinstance(model, ViscoElastic) and not isinstance(model, NeoHookean):
+        squash = compression(body, scene)
+        if squash > SOFTENING:
+            yield (
+                f"{name} will be compressed by about {100 * min(squash, 1.0):.0f} %, where "
+                'St. Venant-Kirchhoff softens and may turn inside out; model = "neo-hookean" '
+                "stands it, and so does a larger young"
+            )
+
+
+def depth_inside(obstacle: Obstacle, points: Floats) -> Floats:
+    """How deep points are inside an obstacle [m], shape (n,); negative outside.
+
+    Touching is not inside: rounding is left out.
+    """
+    if isinstance(obstacle, Plane):
+        depth = (np.array(obstacle.point) - points) @ np.array(obstacle.normal)
+    elif isinstance(obstacle, Sphere):
+        depth = obstacle.radius - np.linalg.norm(points - np.array(obstacle.center), axis=1)
+    else:
+        assert isinstance(obstacle, Box)
+        away = np.abs(points - np.array(obstacle.center))
+        depth = (0.5 * np.array(obstacle.size) - away).min(axis=1)
+    size = float(np.ptp(points, axis=0).max()) + float(np.abs(points).max())
+    rounded: Floats = depth - 1e-9 * size
+    return rounded
+
+
+def compression(body: Body, scene: Scene) -> float:
+    """Rough compression (1: to nothing) by its own weight and by landing on what is below."""
+    model, points = body.model, body.mesh.points
+    assert isinstance(model, SolidModel)
+    gravity = np.array(scene.gravity)
+    strength = float(np.linalg.norm(gravity))
+    speed2 = float(np.dot(body.velocity, body.velocity))
+    if strength and not body.pins:
+        drops = [_drop(points, obstacle, gravity / strength) for obstacle in scene.obstacles]
+        fall = min((drop for drop in drops if drop is not None), default=None)
+        if fall is None:
+            return 0.0
+        speed2 += 2.0 * strength * fall
+    elif body.pins or not scene.obstacles:
+        return 0.0
+    height = float(np.ptp(points @ gravity)) / strength if strength else 0.0
+    weight = model.density * strength * height / model.young
+    return weight + float(np.sqrt(model.density * speed2 / model.young))
+
+
+def _drop(points: Floats, obstacle: Obstacle, down: Floats) -> float | None:
+    """How far the body falls until it meets a plane [m]; None where it never does."""
+    if not isinstance(obstacle, Plane):
+        return None
+    normal = np.array(obstacle.normal)
+    slope = -float(normal @ down)
+    if slope <= 0.05:
+        return None
+    gap = float(((points - np.array(obstacle.point)) @ normal).min())
+    return max(gap, 0.0) / slope
+
+
+def _bending(mesh: TetMesh) -> str | None:
+    """A slender body of few elements through the thickness bends too stiffly."""
+    area = float(triangle_areas(mesh.points, mesh.surface).sum())
+    thickness = 4.0 * float(mesh.volumes.sum()) / area
+    length = float(np.ptp(mesh.points - mesh.points.mean(axis=0), axis=0).max())
+    if length < 3.0 * thickness:
+        return None
+    through = elements_through(mesh)
+    if through not in BENDING:
+        return None
+    number = f"{through} element{'s' * (through > 1)}"
+    return (
+        f"has about {number} through its thickness: linear tets bend {BENDING[through]} too "
+        "stiffly then; 8 leave 3 %"
+    )
+
+
+def elements_through(mesh: TetMesh) -> int:
+    """Elements through the thickest part: twice the edges from there to the surface, at least 1."""
+    near = np.zeros(len(mesh.points), dtype=bool)
+    near[mesh.surface] = True
+    depth = 0
+    while not near.all():
+        a, b = mesh.edges.T
+        before = near.copy()
+        near[a[before[b]]] = near[b[before[a]]] = True
+        if (near == before).all():
+            break
+        depth += 1
+    return max(1, 2 * depth)

@@ -1,0 +1,55 @@
+"""tisoft bench: how fast this machine is."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from tisoft import runtime
+from tisoft.bench import MODELS, SIZES, as_text, compile_seconds, measure
+from tisoft.commands import common
+from tisoft.errors import SceneError
+from tisoft.whole_files import as_json
+
+HELP = "how fast this machine is"
+EXAMPLES = """examples:
+  tisoft bench
+  tisoft bench --sizes S XL --models viscoelastic --seconds 2 --json"""
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    """The command's options."""
+    parser.add_argument(
+        "--sizes", nargs="+", choices=list(SIZES), default=list(SIZES),
+        help="XS: 240 tets, S: 1,920, M: 15,360, L: 51,840, XL: 240,000 (all)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--models", nargs="+", choices=list(MODELS), default=list(MODELS), help="(all)"
+    )
+    parser.add_argument(
+        "--seconds", type=float, default=1.0, help="of stepping per measurement (1)"
+    )
+    parser.add_argument("--no-compile", action="store_true", help="do not time compiling")
+    common.add_machine(parser)
+    common.add_output(parser)
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Measure and report."""
+    if not 0.0 < options.seconds < 1e4:
+        raise SceneError(f"--seconds is {options.seconds:g}; give a time above 0, as 1")
+    precision = options.precision or "f32"
+    rows = []
+    for model in options.models:
+        machine = {"arch": options.arch, "precision": precision}
+        compiled = {} if options.no_compile else compile_seconds(model, **machine)
+        for size in options.sizes:
+            if not options.quiet and sys.stderr.isatty():
+                print(f"{model}, size {size} …", file=sys.stderr)
+            row = measure(size, model, seconds=options.seconds, **machine)
+            rows.append(row | {"compile_seconds": compiled})
+    if options.json:
+        print(as_json({"status": "done", "cores": runtime.threads(), "results": rows}))
+    elif not options.quiet:
+        print(as_text(rows))
+    return 0

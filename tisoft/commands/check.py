@@ -1,0 +1,43 @@
+"""tisoft check: look before it runs."""
+
+from __future__ import annotations
+
+import argparse
+
+from tisoft.commands import common
+from tisoft.whole_files import as_json
+
+HELP = "look at a scene before it runs: meshes, springs, stable step, cost"
+EXAMPLES = """examples:
+  tisoft check beam.toml
+  tisoft check net.toml --picture net.png           the worst mechanism, or what sets the step"""
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    """The command's options."""
+    common.add_scene(parser)
+    parser.add_argument(
+        "--picture", metavar="FILE",
+        help="draw the worst mechanism of the springs, else the stable step of every element",
+    )  # fmt: skip
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Check the scene and report."""
+    sim = common.simulation_of(common.scene_of(options), options)
+
+    from tisoft.check.report import as_text, check
+
+    report = check(sim)
+    if options.picture:
+        from tisoft.check.picture import draw_check
+
+        draw_check(options.picture, sim, report)
+        report.result["picture"] = options.picture
+    if options.json:
+        print(as_json(report.result))
+    elif not options.quiet:
+        print(as_text(report.result))
+        if options.picture:
+            print(f"picture is in {options.picture}")
+    return 0

@@ -1,0 +1,97 @@
+"""Files that appear under their name when they are whole, or not at all."""
+
+from __future__ import annotations
+
+import errno
+import json
+import math
+import os
+import uuid
+from pathlib import Path
+from typing import IO, Any
+
+from tisoft.errors import SceneError
+
+
+def refusal(path: Path, error: OSError) -> SceneError:
+    """What to tell a user whose file could not be written."""
+    if error.errno == errno.ENOSPC:
+        return SceneError(f"{path} was not written: the disk is full; make room and run it again")
+    reason = error.strerror or str(error)
+    return SceneError(f"{path} cannot be written: {reason}; choose another place with -o")
+
+
+def make_folder(path: str | Path) -> Path:
+    """The folder, made with its parents where it is missing; raises SceneError."""
+    folder = Path(path)
+    if folder.exists() and not folder.is_dir():
+        raise SceneError(f"-o {path} is a file, and results need a folder; name another place")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise refusal(folder, error) from None
+    return folder
+
+
+class WholeFile:
+    """A text file that grows under a temporary name beside its own and gets that at the end.
+
+    Raises SceneError where it cannot be written, at once when the folder cannot.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._part = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.part")
+        self._broken = False
+        try:
+            self._file: IO[str] = self._part.open("w", encoding="utf-8", newline="")
+        except OSError as error:
+            raise refusal(path, error) from None
+
+    def write(self, text: str) -> None:
+        """Append text."""
+        try:
+            self._file.write(text)
+        except OSError as error:
+            self._broken = True
+            raise refusal(self.path, error) from None
+
+    def finish(self) -> None:
+        """Give the file its name; where a write failed, remove what there is."""
+        try:
+            try:
+                self._file.close()
+            except OSError as error:
+                if not self._broken:  # else it has been told
+                    raise refusal(self.path, error) from None
+                return
+            if not self._broken:
+                os.replace(self._part, self.path)
+        finally:
+            self._part.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a whole file."""
+    file = WholeFile(path)
+    try:
+        file.write(text)
+    finally:
+        file.finish()
+
+
+def as_json(value: Any) -> str:
+    """The value as strict JSON: what is not finite becomes null."""
+    return json.dumps(_finite(value), allow_nan=False, ensure_ascii=False)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if hasattr(value, "tolist"):  # NumPy's
+        return _finite(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
