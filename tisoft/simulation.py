@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tisoft import runtime
+from tisoft import resume, runtime
 from tisoft.body import Body
 from tisoft.checks import FieldError
 from tisoft.dynamics import nodes
@@ -24,6 +25,7 @@ from tisoft.dynamics.step_limit import StepLimit
 from tisoft.dynamics.stepper import Stepper
 from tisoft.dynamics.system import Part, System
 from tisoft.errors import Diverged
+from tisoft.measures.measures import Measures
 from tisoft.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -146,6 +148,11 @@ class Simulation:
         }
 
     @cached_property
+    def measures(self) -> Measures:
+        """Strain, stress and momentum in the present state."""
+        return Measures(self)
+
+    @cached_property
     def _energies(self) -> Energies:
         return Energies(self.system)
 
@@ -158,7 +165,7 @@ class Simulation:
         out = np.empty_like(values)
         for part in self.parts:
             out[part.nodes][part.order] = values[part.nodes]
-        return out if body is None else out[self._part(body).nodes]
+        return out if body is None else out[self.part(body).nodes]
 
     def _inside(self, values: Floats) -> Floats:
         out = np.empty_like(values)
@@ -166,7 +173,8 @@ class Simulation:
             out[part.nodes] = values[part.nodes][part.order]
         return out
 
-    def _part(self, body: Body) -> Part:
+    def part(self, body: Body) -> Part:
+        """A body's share of the arrays; raises SceneError for a body of another scene."""
         for part in self.parts:
             if part.body is body:
                 return part
@@ -223,8 +231,21 @@ class Simulation:
             moved = True
         if moved:
             runtime.write(self.system.u, u)
-            if self.scene.obstacles:
-                runtime.write(self._shape, self._obstacle_shapes().astype(self.system.real))
+            self.place_obstacles()
+
+    def place_obstacles(self) -> None:
+        """Tell the kernels where obstacles are, seen from the bodies' origins."""
+        if self.scene.obstacles:
+            runtime.write(self._shape, self._obstacle_shapes().astype(self.system.real))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write a checkpoint, whole or not at all."""
+        resume.save(self, path)
+
+    @staticmethod
+    def load(path: str | os.PathLike[str], *, arch: str = "cpu") -> Simulation:
+        """A simulation from a checkpoint; it goes on with the very bits of the saved one."""
+        return resume.load(path, arch=arch)
 
     def _refresh(self) -> None:
         """Take over what the caller changed since the last frame."""

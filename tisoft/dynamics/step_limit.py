@@ -121,9 +121,13 @@ class StepLimit:
         """The stable limit at rest [s], damping included: never above the true one, within 1 %."""
         return self._at_rest[0]
 
-    def rest_bound(self) -> float:
-        """The guaranteed bound at rest [s]."""
-        return self._at_rest[1]
+    def rest_limits(self) -> tuple[float, float]:
+        """The sharp limit and the guaranteed bound at rest [s]."""
+        return self._at_rest
+
+    def set_rest_limits(self, sharp: float, bound: float) -> None:
+        """Take both from a checkpoint, so that the same bits follow."""
+        self.__dict__["_at_rest"] = (sharp, bound)
 
     def chosen(self) -> float:
         """The step [s] that "auto" takes in the present state.

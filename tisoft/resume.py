@@ -1,0 +1,83 @@
+"""A running simulation into a checkpoint, and out of it again, bit by bit."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tisoft import checkpoint, runtime
+from tisoft.dynamics.guard import Recovery
+from tisoft.errors import SceneError
+
+if TYPE_CHECKING:
+    from tisoft.simulation import Simulation
+
+COUNTERS = ("time", "frame", "substeps", "wall_seconds", "compile_seconds", "start_seconds")
+
+
+def save(simulation: Simulation, path: str | os.PathLike[str]) -> None:
+    """Write the scene and the whole state of `simulation`."""
+    system = simulation.system
+    numbers = {name: getattr(simulation, name) for name in COUNTERS}
+    recoveries = [vars(recovery) for recovery in simulation.recoveries]
+    content = {
+        "scene": simulation.scene,
+        "precision": simulation.precision,
+        "certify": simulation.certify,
+        "numbers": numbers,
+        "recoveries": recoveries,
+        "rest_limits": list(simulation.limit.rest_limits()) if simulation.guard else None,
+    }
+    arrays = {
+        "u": runtime.read(system.u),
+        "v": runtime.read(system.v),
+        "shifts": np.array([part.shift for part in simulation.parts]),
+        "steps": np.array(simulation.steps),
+    }
+    checkpoint.write(path, content, arrays)
+
+
+def load(path: str | os.PathLike[str], *, arch: str = "cpu", threads: int | None = None) -> Any:
+    """The simulation that `save` wrote, ready to go on.
+
+    Raises:
+        SceneError: a file that is missing or damaged.
+    """
+    from tisoft.simulation import Simulation
+
+    content, arrays = checkpoint.read(path)
+    simulation = Simulation(
+        content["scene"],
+        arch=arch,
+        precision=content["precision"],
+        certify=content["certify"],
+        threads=threads,
+    )
+    put(simulation, content, arrays)
+    return simulation
+
+
+def put(simulation: Simulation, content: Any, arrays: dict[str, NDArray[Any]]) -> None:
+    """Set a freshly made simulation of the same scene to a checkpoint's state."""
+    system = simulation.system
+    wanted = (system.count, 3)
+    if arrays["u"].shape != wanted or arrays["v"].shape != wanted:
+        raise SceneError(
+            f"the checkpoint holds {len(arrays['u'])} nodes and the scene {system.count}; "
+            "run the scene anew"
+        )
+    for part, shift in zip(simulation.parts, arrays["shifts"], strict=True):
+        part.shift = shift
+    runtime.write(system.u, arrays["u"].astype(system.real))
+    runtime.write(system.v, arrays["v"].astype(system.real))
+    for name, value in content["numbers"].items():
+        setattr(simulation, name, value)
+    simulation.steps = arrays["steps"].tolist()
+    simulation.recoveries = [Recovery(**recovery) for recovery in content["recoveries"]]
+    if content["rest_limits"] is not None:
+        simulation.limit.set_rest_limits(*content["rest_limits"])
+    simulation.limit.moved()
+    simulation.place_obstacles()
