@@ -1,3 +1,4 @@
+# mypy: ignore-errors
 """Kernels of energies: one number per tet or spring, in the precision of their rest data."""
 
 import taichi as ti

@@ -1,4 +1,5 @@
-"""Forces by plain loops over tets and nodes: for GPUs, and for forces without a step.
+# mypy: ignore-errors
+"""Forces and moves by plain loops over tets and nodes: for GPUs, and for forces without a step.
 
 The same formulae as `advance`, one tet per iteration instead of a batch of lanes.  A tet writes its
 corner forces to its own slots, a node sums its slots in element order, as there.
@@ -6,7 +7,8 @@ corner forces to its own slots, a node sums its slots in element order, as there
 
 import taichi as ti
 
-from tisoft.dynamics.nodes import node_force
+from tisoft.dynamics.nodes import move_node, node_force
+from tisoft.models.consistent_mass import begin_solve, iterate_solve
 from tisoft.models.laws import stress
 from tisoft.models.rows import spring_force, tensor_force
 
@@ -83,3 +85,84 @@ def sum_forces(
         f = node_force(i, tets, rows, False, starts, corners, slots, lanes, force, total)
         for c in ti.static(range(3)):
             total[i, c] = f[c]
+
+
+@ti.func
+def node_acceleration(i, tets: ti.template(), rows: ti.template(), loads: ti.template(),
+                      lanes: ti.template(), params: ti.template(), v: ti.template(),
+                      inverse_mass: ti.template(), body: ti.template(), material: ti.template(),
+                      force: ti.template(), load: ti.template(), starts: ti.template(),
+                      corners: ti.template(), slots: ti.template()):
+    """f/m + g − (point damping) v of node i [m/s²], m the lumped mass."""
+    f = node_force(i, tets, rows, loads, starts, corners, slots, lanes, force, load)
+    a = f * inverse_mass[i] + ti.Vector([params[1], params[2], params[3]])
+    for c in ti.static(range(3)):
+        a[c] -= material[body[i], 4] * v[i, c]
+    return a
+
+
+@ti.kernel
+def move_nodes(
+    opens: int, closes: int,
+    tets: ti.template(), rows: ti.template(), loads: ti.template(), contact: ti.template(),
+    integrator: ti.template(), lanes: ti.template(),
+    params: A(), u: A(), v: A(), half: A(), rest: A(), inverse_mass: A(), body: A(), material: A(),
+    held: A(), drive: A(), force: A(), load: A(), starts: A(), corners: A(), slots: A(),
+    kind: A(), shape: A(),
+):
+    """Sum, integrate and hold all nodes of lumped mass."""
+    for i in range(u.shape[0]):
+        a = node_acceleration(
+            i, tets, rows, loads, lanes, params, v, inverse_mass, body, material, force, load,
+            starts, corners, slots,
+        )
+        move_node(
+            i, a, opens != 0, closes != 0, params[0], integrator, contact, rest, u, v, half,
+            body[i], held, drive, kind, shape,
+        )
+
+
+@ti.kernel
+def begin_solves(
+    tets: ti.template(), rows: ti.template(), loads: ti.template(), lanes: ti.template(),
+    params: A(), v: A(), inverse_mass: A(), body: A(), material: A(), held: A(), force: A(),
+    load: A(), starts: A(), corners: A(), slots: A(),
+    diagonal: A(), acceleration: A(), residual: A(), direction: A(),
+):
+    """Sum the nodes' forces and begin the solve with the consistent mass."""
+    for i in range(v.shape[0]):
+        a = node_acceleration(
+            i, tets, rows, loads, lanes, params, v, inverse_mass, body, material, force, load,
+            starts, corners, slots,
+        )
+        begin_solve(
+            i, a / inverse_mass[i], held[i], diagonal, acceleration, residual, direction
+        )
+
+
+@ti.kernel
+def iterate_solves(
+    k: int, held: A(), mass_starts: A(), mass_ends: A(), mass_entries: A(), diagonal: A(),
+    acceleration: A(), residual: A(), direction: A(),
+):
+    """Iteration k (from 0) of the solve with the consistent mass."""
+    for i in range(held.shape[0]):
+        iterate_solve(
+            i, k, held[i], mass_starts, mass_ends, mass_entries, diagonal, acceleration, residual,
+            direction,
+        )
+
+
+@ti.kernel
+def move_solved(
+    opens: int, closes: int, contact: ti.template(), integrator: ti.template(),
+    params: A(), u: A(), v: A(), half: A(), rest: A(), body: A(), held: A(), drive: A(),
+    acceleration: A(), kind: A(), shape: A(),
+):
+    """Integrate and hold all nodes with the accelerations of the solve."""
+    for i in range(u.shape[0]):
+        a = ti.Vector([acceleration[i, 0], acceleration[i, 1], acceleration[i, 2]])
+        move_node(
+            i, a, opens != 0, closes != 0, params[0], integrator, contact, rest, u, v, half,
+            body[i], held, drive, kind, shape,
+        )

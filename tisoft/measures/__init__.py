@@ -1,0 +1,1 @@
+"""What can be read off a running scene: strain, stress, volume, momentum."""

@@ -1,0 +1,79 @@
+"""Measures: what can be read off a running scene besides positions and energies."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tisoft.body import Body
+from tisoft.measures.elements import (
+    NodalAverage,
+    SpringMeasures,
+    TetGauge,
+    TetMeasures,
+    measure_springs,
+)
+from tisoft.measures.momentum import angular_momentum, linear_momentum
+
+if TYPE_CHECKING:
+    from tisoft.simulation import Simulation
+
+Floats = NDArray[np.float64]
+
+
+class Measures:
+    """Reads strain, stress and momentum off a simulation's present state, `simulation.measures`."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+        self._gauges: dict[int, TetGauge] = {}
+        self._averages: dict[int, NodalAverage] = {}
+
+    def elements(self, body: Body) -> TetMeasures | SpringMeasures:
+        """Strain and stress of a body's tets, in the mesh's order, or of its springs."""
+        part = self._simulation.part(body)
+        if part.is_springs:
+            return measure_springs(self._simulation.system, part)
+        return self._gauge(body).read()
+
+    def nodal(self, body: Body, values: Any) -> Floats:
+        """Averages at nodes, shape (nodes, …), of values per tet (weighted by volume) or spring."""
+        part = self._simulation.part(body)
+        if part.index not in self._averages:
+            mesh = body.mesh
+            if part.is_springs:
+                average = NodalAverage(body.springs(), len(mesh.points))
+            else:
+                volumes = np.empty(len(part.tets))
+                volumes[part.tet_order] = part.volume
+                average = NodalAverage(mesh.tets, len(mesh.points), volumes)
+            self._averages[part.index] = average
+        return self._averages[part.index](values)
+
+    def inverted(self, body: Body | None = None) -> int:
+        """Number of tets of a body, or of all, that are turned inside out or flat."""
+        bodies = [part.body for part in self._simulation.parts if not part.is_springs]
+        chosen = bodies if body is None else [b for b in bodies if b is body]
+        return sum(self._gauge(b).read().inverted for b in chosen)
+
+    def momentum(self, body: Body | None = None) -> Floats:
+        """Linear momentum [kg·m/s] of a body, or of all, shape (3,)."""
+        return linear_momentum(self._simulation.system, self._parts(body))
+
+    def angular_momentum(
+        self, body: Body | None = None, *, about: Any = (0.0, 0.0, 0.0)
+    ) -> Floats:
+        """Angular momentum about a point [m] of a body, or of all [kg·m²/s], shape (3,)."""
+        return angular_momentum(self._simulation.system, self._parts(body), about)
+
+    def _parts(self, body: Body | None) -> Any:
+        simulation = self._simulation
+        return simulation.parts if body is None else [simulation.part(body)]
+
+    def _gauge(self, body: Body) -> TetGauge:
+        part = self._simulation.part(body)
+        if part.index not in self._gauges:
+            self._gauges[part.index] = TetGauge(self._simulation.system, part)
+        return self._gauges[part.index]
