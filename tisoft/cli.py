@@ -30,7 +30,10 @@ class Parser(argparse.ArgumentParser):
     """Tells a mistake in one sentence."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, f"tisoft: error: {message}; see {self.prog} --help\n")
+        hint = f"see {self.prog} --help"
+        if self.prog == "tisoft" and message.startswith("unrecognized"):
+            hint = f"options come after the command, as in tisoft run --json; {hint}"
+        self.exit(2, f"tisoft: error: {message}; {hint}\n")
 
 
 def parser() -> Parser:

@@ -8,9 +8,9 @@ import math
 import os
 import uuid
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Self
 
-from tisoft.errors import SceneError
+from tisoft.errors import Diverged, SceneError
 
 
 def refusal(path: Path, error: OSError) -> SceneError:
@@ -33,51 +33,52 @@ def make_folder(path: str | Path) -> Path:
     return folder
 
 
+def ends_well(kind: type[BaseException] | None) -> bool:
+    """Whether results up to an exception of this kind are worth keeping: they are whole so far."""
+    return kind is None or issubclass(kind, KeyboardInterrupt | Diverged)
+
+
 class WholeFile:
     """A text file that grows under a temporary name beside its own and gets that at the end.
 
+    Used in a `with` block; Ctrl-C and a simulation that fails end it early, other errors remove it.
     Raises SceneError where it cannot be written, at once when the folder cannot.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._part = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.part")
-        self._broken = False
+
+    def __enter__(self) -> Self:
         try:
             self._file: IO[str] = self._part.open("w", encoding="utf-8", newline="")
         except OSError as error:
-            raise refusal(path, error) from None
+            raise refusal(self.path, error) from None
+        return self
 
     def write(self, text: str) -> None:
         """Append text."""
         try:
             self._file.write(text)
         except OSError as error:
-            self._broken = True
             raise refusal(self.path, error) from None
 
-    def finish(self) -> None:
-        """Give the file its name; where a write failed, remove what there is."""
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         try:
-            try:
-                self._file.close()
-            except OSError as error:
-                if not self._broken:  # else it has been told
-                    raise refusal(self.path, error) from None
-                return
-            if not self._broken:
+            self._file.close()
+            if ends_well(kind):
                 os.replace(self._part, self.path)
+        except OSError as error:
+            if ends_well(kind):  # else what happened first is told
+                raise refusal(self.path, error) from None
         finally:
             self._part.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:
     """Write a whole file."""
-    file = WholeFile(path)
-    try:
+    with WholeFile(path) as file:
         file.write(text)
-    finally:
-        file.finish()
 
 
 def as_json(value: Any) -> str:

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from tisoft import runtime
+from tisoft.checks import inside
 from tisoft.errors import Diverged, SceneError
 from tisoft.runtime import ARCHS
 from tisoft.scene import Render, Scene
@@ -83,7 +84,8 @@ def _render_of(options: argparse.Namespace, render: Render) -> Render:
         changes["color"] = options.color
     if getattr(options, "wireframe", False):
         changes["wireframe"] = True
-    return dataclasses.replace(render, **changes)
+    with inside("render"):
+        return dataclasses.replace(render, **changes)
 
 
 def simulation_of(scene: Scene, options: argparse.Namespace) -> Simulation:

@@ -54,10 +54,10 @@ def draw(
     run = common.Run(sim)
     with run.ended(), film_to(output, scene) as film:  # first: a wrong place is told at once
         look = Look(scene.render.color)
-        sim.run(observers=[Interruption(), look, Progress("looking", quiet=options.quiet)])
+        sim.run(observers=[look, Progress("looking", quiet=options.quiet), Interruption()])
         run.sim = common.simulation_of(scene, options)
         run.sim.compile_seconds += sim.compile_seconds
         film.survey, film.kept_index = look.survey, round((kept or 1.0) * sim.frame)
-        run.sim.run(observers=[Interruption(), film, Progress("drawing", quiet=options.quiet)])
+        run.sim.run(observers=[film, Progress("drawing", quiet=options.quiet), Interruption()])
     run.seconds = run.sim.wall_seconds
     return run, film

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -43,14 +44,15 @@ def execute(options: argparse.Namespace) -> int:
     from tisoft.observers.progress import Interruption, Progress
     from tisoft.observers.tables import EnergyTable, ProbeTable, States
 
-    observers: list[Any] = [Interruption()]
-    if folder is not None:
-        observers += [ProbeTable(folder), EnergyTable(folder)]
-        if options.save_every:
-            observers.append(States(folder, options.save_every))
     run = common.Run(sim)
-    with run.ended():
-        sim.run(observers=[*observers, Progress("simulating", quiet=options.quiet)])
+    with run.ended(), ExitStack() as files:
+        observers: list[Any] = []
+        if folder is not None:
+            observers += [files.enter_context(table(folder)) for table in (ProbeTable, EnergyTable)]
+            if options.save_every:
+                observers.append(files.enter_context(States(folder, options.save_every)))
+        progress = Progress("simulating", quiet=options.quiet)
+        sim.run(observers=[*observers, progress, Interruption()])
     result = run.result()
     if folder is not None:
         write_text(Path(folder) / "summary.json", as_json(result) + "\n")

@@ -44,7 +44,7 @@ class Progress:
 class Interruption:
     """Turns Ctrl-C into an end between two frames, so that every observer has seen the same ones.
 
-    It must be the first of the observers.  A second Ctrl-C ends the run at once.
+    It must be the last of the observers.  A second Ctrl-C ends the run at once.
     """
 
     def __init__(self) -> None:

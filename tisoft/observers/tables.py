@@ -6,7 +6,7 @@ import csv
 import io
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -14,7 +14,7 @@ import numpy as np
 from tisoft.geometry.files import write_vtu
 from tisoft.models.materials import MassSpring
 from tisoft.simulation import Frame, Simulation
-from tisoft.whole_files import WholeFile, make_folder, write_text
+from tisoft.whole_files import WholeFile, ends_well, make_folder, write_text
 
 ENERGIES = ("kinetic", "elastic", "gravity", "dissipated", "external_work", "error")
 
@@ -26,11 +26,15 @@ def energies(sim: Simulation) -> dict[str, float | None]:
 
 
 class Table:
-    """A CSV file with a row per frame; `header` and `row` say what is in it."""
+    """A CSV file with a row per frame, whole at the end of a `with` block.
 
-    def __init__(self, folder: Path, name: str) -> None:
-        self.path = folder / name
-        self._file: WholeFile | None = None
+    `header` and `row` say what is in it.
+    """
+
+    name = ""
+
+    def __init__(self, folder: Path) -> None:
+        self._file = WholeFile(folder / self.name)
 
     def header(self, sim: Simulation) -> list[str]:
         """Names of the columns after the time."""
@@ -40,19 +44,20 @@ class Table:
         """Values of the columns after the time."""
         raise NotImplementedError
 
+    def __enter__(self) -> Self:
+        self._file.__enter__()
+        return self
+
     def on_start(self, sim: Simulation) -> None:
-        self._file = WholeFile(self.path)
         self._write(["time", *self.header(sim)])
 
     def on_frame(self, frame: Frame) -> None:
         self._write([frame.time, *self.row(frame.simulation)])
 
-    def on_end(self, sim: Simulation) -> None:
-        if self._file is not None:
-            self._file.finish()
+    def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
+        self._file.__exit__(kind, *rest)
 
     def _write(self, cells: list[Any]) -> None:
-        assert self._file is not None
         line = io.StringIO()
         csv.writer(line, lineterminator="\n").writerow(cells)
         self._file.write(line.getvalue())
@@ -61,8 +66,7 @@ class Table:
 class ProbeTable(Table):
     """Positions of the probes [m]."""
 
-    def __init__(self, folder: Path) -> None:
-        super().__init__(folder, "probes.csv")
+    name = "probes.csv"
 
     def header(self, sim: Simulation) -> list[str]:
         return [f"{probe.name}.{axis}" for probe in sim.scene.probes for axis in "xyz"]
@@ -78,8 +82,7 @@ class ProbeTable(Table):
 class EnergyTable(Table):
     """The energy ledger [J]."""
 
-    def __init__(self, folder: Path) -> None:
-        super().__init__(folder, "energy.csv")
+    name = "energy.csv"
 
     def header(self, sim: Simulation) -> list[str]:
         return list(ENERGIES)
@@ -89,7 +92,10 @@ class EnergyTable(Table):
 
 
 class States:
-    """Every n-th frame as frames/frame_00000.vtu and so on, and frames.pvd that lists them."""
+    """Every n-th frame as frames/frame_00000.vtu and so on, and frames.pvd that lists them.
+
+    Used in a `with` block: the list is written at its end.
+    """
 
     def __init__(self, folder: Path, every: int) -> None:
         self.folder = folder
@@ -97,8 +103,11 @@ class States:
         self._saved: list[tuple[float, str]] = []
         self._cells: dict[str, Any] = {}
 
-    def on_start(self, sim: Simulation) -> None:
+    def __enter__(self) -> Self:
         make_folder(self.folder / "frames")
+        return self
+
+    def on_start(self, sim: Simulation) -> None:
         start, tets, lines = 0, [np.empty((0, 4), int)], [np.empty((0, 2), int)]
         for body in sim.scene.bodies:
             if isinstance(body.model, MassSpring):
@@ -118,8 +127,10 @@ class States:
         write_vtu(path, frame.positions(), point_data=data, **self._cells)
         self._saved.append((frame.time, name))
 
-    def on_end(self, sim: Simulation) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Write the list, and remove what an older run left in the folder."""
+        if not ends_well(kind):
+            return
         rows = [
             f'    <DataSet timestep="{time!r}" file={quoteattr("frames/" + name)}/>'
             for time, name in self._saved
