@@ -23,7 +23,7 @@ from tisoft.models.laws import LINEAR
 
 Floats = NDArray[np.float64]
 
-TARGET = 1e-10
+TARGET = 1e-12
 """Out-of-balance forces that end an iteration, as a share of the load."""
 ACCEPTED = 1e-8
 """Out-of-balance forces that are still an answer where rounding allows no less."""
