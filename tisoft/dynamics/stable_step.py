@@ -2,10 +2,14 @@
 """The stable step: bounds from elements and springs that are never above the true limit.
 
 The lectures' scheme v += h a(x, v), x += h v is stable exactly while 4M − 2hC − h²K is positive
-definite.  Element by element, with the element's own lumped masses, that is sufficient: for a tet
-whose stiffest mode has ω² and damping rate d = 2ζω, and point damping g [1/s],
+definite.  With ω² and d = 2ζω those of a tet's stiffest mode (with its own lumped masses m_e),
+uᵀK_e u ≤ m_e ω² Σ_a |u_a|² and likewise for C, so that node by node it is sufficient to have
 
-    h²ω² + 2h (d + g) ≤ 4   ⟸   h ≤ 4 / (d + g + √((d + g)² + 4ω²))
+    h²ω² + 2h (d + g) ≤ 4   ⟺   h ≤ 4 / (d + g + √((d + g)² + 4ω²))
+
+with ω² and d averaged over the tets at the node, by mass, and point damping g [1/s].  The average
+is never worse than the worst tet alone, and much better around slivers, whose nodes are heavier
+than the sliver is.
 
 While a tet deforms (F, Green strain E, second Piola-Kirchhoff stress S), its tangent obeys
 
@@ -69,7 +73,7 @@ def largest_eigenvalue(A):
 
 
 @ti.func
-def place_limit(
+def place_modes(
     b,
     lane,
     law: ti.template(),
@@ -79,17 +83,15 @@ def place_limit(
     material: ti.template(),
     u: ti.template(),
     rest_modes: ti.template(),
-    factor: ti.template(),
 ):
-    """Longest stable step [s] of the tet in batch b, lane `lane`."""
+    """ω² [1/s²] and damping rate [1/s] that bound the tet in batch b, lane `lane`, as deformed."""
     N = ti.Matrix([[shapes[b, 3 * c + d, lane] for d in range(3)] for c in range(3)])
     i = nodes[b, 0, lane]
     du = ti.Matrix([[u[nodes[b, c + 1, lane], d] - u[i, d] for c in range(3)] for d in range(3)])
     H = du @ N
     m = owner[b]
-    lam, mu, damping = material[m, 0], material[m, 1], material[m, 4]
+    lam, mu = material[m, 0], material[m, 1]
     omega2 = rest_modes[0, b, lane]
-    rate = rest_modes[1, b, lane]
     stretch = 1.0 + 0.0 * lam
     if ti.static(law != LINEAR and law != TENSOR):
         E = green_strain(H)
@@ -107,12 +109,11 @@ def place_limit(
             size = ti.sqrt(3.0 + 2.0 * t + (H.transpose() @ H).trace())
             grown = 1.5 * mu + lam * ((cof.transpose() @ cof).trace() + ti.abs(j) * size)
             omega2 = rest_modes[2, b, lane] * grown
-    total = factor * (rate * stretch + damping)
-    return 4.0 / (total + ti.sqrt(total * total + 4.0 * omega2))
+    return omega2, rest_modes[1, b, lane] * stretch
 
 
 @ti.kernel
-def batch_limits(
+def node_limits(
     laws: ti.template(),
     lanes: ti.template(),
     factor: ti.template(),
@@ -123,16 +124,35 @@ def batch_limits(
     material: ti.types.ndarray(),
     u: ti.types.ndarray(),
     rest_modes: ti.types.ndarray(),
+    modes: ti.types.ndarray(),
+    body: ti.types.ndarray(),
+    starts: ti.types.ndarray(),
+    corners: ti.types.ndarray(),
     limits: ti.types.ndarray(),
 ):
-    """Longest stable step [s] of each batch, shape (batches,)."""
+    """Longest stable step [s] by each node's tets, shape (nodes,); inf where it has none.
+
+    `modes` holds what bounds each tet, ω² and damping rate; nodes average it by volume.
+    """
     for law in ti.static(laws):
         for b in range(law_starts[law], law_starts[law + 1]):
-            least = place_limit(b, 0, law, nodes, shapes, owner, material, u, rest_modes, factor)
-            for lane in range(1, lanes):
-                here = place_limit(
-                    b, lane, law, nodes, shapes, owner, material, u, rest_modes, factor
+            for lane in range(lanes):
+                omega2, rate = place_modes(
+                    b, lane, law, nodes, shapes, owner, material, u, rest_modes
                 )
-                if not here >= least:  # also where it is not a number
-                    least = here
-            limits[b] = least
+                modes[0, b, lane] = omega2
+                modes[1, b, lane] = rate
+    for i in range(limits.shape[0]):
+        volume = 0.0 * shapes[0, 9, 0]
+        omega2, rate = 0.0 * volume, 0.0 * volume
+        for q in range(starts[i], starts[i + 1]):
+            b = corners[q] // (12 * lanes)
+            lane = corners[q] % lanes
+            part = shapes[b, 9, lane]
+            volume += part
+            omega2 += part * modes[0, b, lane]
+            rate += part * modes[1, b, lane]
+        limits[i] = 1e30
+        if volume > 0.0:
+            total = factor * (rate / volume + material[body[i], 4])
+            limits[i] = 4.0 / (total + ti.sqrt(total * total + 4.0 * omega2 / volume))

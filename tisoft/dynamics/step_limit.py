@@ -13,8 +13,8 @@ from tisoft import runtime
 from tisoft.dynamics.sharp_step import sharp_step
 from tisoft.dynamics.stable_step import (
     DAMPING_FACTOR,
-    batch_limits,
     longest_step,
+    node_limits,
     spring_frequencies,
 )
 from tisoft.dynamics.system import Part, System
@@ -41,6 +41,8 @@ class Limit:
     """Number of the tet, or spring, in the body's own order."""
     kind: str
     """"tet", "spring" or "nothing"."""
+    node: int = -1
+    """Row of the body's `mesh.points` at which the tet does so."""
 
 
 class StepLimit:
@@ -62,11 +64,13 @@ class StepLimit:
         table = np.stack([a.reshape(shape) for a in s.element_frequencies()]).astype(s.real)
         if self._launch is None:
             self._modes = runtime.array(table)
-            self._limits = runtime.array(np.full(shape[0], np.inf, s.real))
+            self._now = runtime.array(table[:2].copy())
+            self._limits = runtime.array(np.full(s.count, np.inf, s.real))
             if s.tets:
                 self._launch = runtime.bind(
-                    batch_limits, s.all_laws, s.lanes, self.factor, s.law_starts, s.nodes, s.shapes,
-                    s.owner, s.material, s.u, self._modes, self._limits,
+                    node_limits, s.all_laws, s.lanes, self.factor, s.law_starts, s.nodes, s.shapes,
+                    s.owner, s.material, s.u, self._modes, self._now, s.body, s.starts, s.corners,
+                    self._limits,
                 )  # fmt: skip
         else:
             runtime.write(self._modes, table)
@@ -74,7 +78,8 @@ class StepLimit:
         self.__dict__.pop("_at_rest", None)
         self._bound = None
         self.springs = [self._spring_limits(part) for part in s.parts]
-        self.spring_step = min((float(a.min()) for a in self.springs if len(a)), default=np.inf)
+        still = [*self.springs, *(self.tensor_limits(p) for p in s.parts if p.is_tensor)]
+        self.spring_step = min((float(a.min()) for a in still if len(a)), default=np.inf)
 
     def _tets_at_rest(self) -> float:
         """The tets' bound with every node at its rest point [s]."""
@@ -148,23 +153,38 @@ class StepLimit:
         sharp, rest = self._at_rest
         return self.bound() * sharp / rest
 
+    def tensor_limits(self, part: Part) -> NDArray[np.float64]:
+        """The nodes' limits of a mass-tensor body: its tets are in no node's list of corners."""
+        omega2, rate = (runtime.read(self._modes)[k].ravel()[part.place] for k in (0, 1))
+        mean = [
+            np.bincount(part.tets.ravel(), np.repeat(a * part.volume, 4))
+            / np.bincount(part.tets.ravel(), np.repeat(part.volume, 4))
+            for a in (omega2, rate)
+        ]
+        return longest_step(mean[0], self.factor * (mean[1] + part.body.model.point_damping))
+
     def limit(self) -> Limit:
         """The bound and the element that sets it."""
         self.follow()
-        limits = runtime.read(self._limits)
-        batch = int(np.argmin(np.where(np.isnan(limits), 0.0, limits)))
-        if self.spring_step < limits[batch]:
-            index = int(np.argmin([a.min(initial=np.inf) for a in self.springs]))
+        limits = np.array(runtime.read(self._limits), np.float64)
+        for part in self.system.parts:
+            if part.is_tensor:
+                limits[part.nodes] = self.tensor_limits(part)
+        node = int(np.argmin(np.where(np.isnan(limits), 0.0, limits)))
+        springs = [float(a.min(initial=np.inf)) for a in self.springs]
+        if min(springs) < limits[node]:
+            index = int(np.argmin(springs))
             part = self.system.parts[index]
-            return Limit(self.spring_step, part, int(np.argmin(self.springs[index])), "spring")
+            return Limit(springs[index], part, int(np.argmin(self.springs[index])), "spring")
         if not self.system.tets:
             return Limit(np.inf, None, -1, "nothing")
-        part = self.system.parts[int(runtime.read(self.system.owner)[batch])]
-        lanes = range(batch * self.system.lanes, (batch + 1) * self.system.lanes)
-        inside = np.flatnonzero(np.isin(part.place, lanes))
-        modes = runtime.read(self._modes).reshape(3, -1)[0, part.place[inside]]
-        tet = int(part.tet_order[inside[int(np.argmax(modes))]])
-        return Limit(float(limits[batch]) * ROUNDING, part, tet, "tet")
+        part = self.system.parts[int(runtime.read(self.system.body)[node])]
+        around = np.flatnonzero((part.tets == node - part.start).any(axis=1))
+        modes = runtime.read(self._now)[0].ravel()[part.place[around]]
+        worst = around[int(np.argmax(np.where(np.isnan(modes), np.inf, modes)))]
+        row = int(part.order[node - part.start])
+        step = float(limits[node]) * ROUNDING
+        return Limit(step, part, int(part.tet_order[worst]), "tet", row)
 
     def culprit(self) -> str:
         """The element that sets the limit, or that is no longer finite, as words."""
