@@ -27,8 +27,11 @@ Picture = NDArray[np.uint8]
 
 SPRING_RADIUS = 0.07
 """Of a spring as drawn, as a share of the median spring's length."""
-SHOWN_SHARE = 99.0
-"""Per cent of the nodes whose values the colours tell apart; peaks at single nodes saturate."""
+SHOWN = (98.0, 85.0)
+"""Per cent of the nodes, and of the frames, whose values the colours tell apart; what is above, as
+peaks at single nodes and at the moment of an impact, shows the end's colour."""
+COLORMAP = "YlOrRd"
+"""Light where nothing happens, so that a body at rest looks like a body in daylight."""
 
 
 @dataclass
@@ -37,7 +40,13 @@ class Survey:
 
     lo: Floats = field(default_factory=lambda: np.full(3, np.inf))
     hi: Floats = field(default_factory=lambda: np.full(3, -np.inf))
-    top: float = 0.0
+    tops: list[float] = field(default_factory=list)
+    """High value of every frame."""
+
+    @property
+    def top(self) -> float:
+        """The value at the end of the colour bar."""
+        return max(float(np.percentile(self.tops, SHOWN[1])), 1e-30) if self.tops else 1e-30
 
     @classmethod
     def of_start(cls, sim: Simulation) -> Survey:
@@ -58,7 +67,7 @@ class Survey:
         self.lo, self.hi = np.minimum(self.lo, x.min(axis=0)), np.maximum(self.hi, x.max(axis=0))
         if color in QUANTITIES:
             values = node_values(sim, color)
-            self.top = max(self.top, float(np.percentile(values, SHOWN_SHARE)))
+            self.tops.append(float(np.percentile(values, SHOWN[0])))
 
 
 class Scenery:
@@ -95,12 +104,12 @@ class Scenery:
         if quantity is None:
             return self.renderer.draw(self.items, self.camera)
         values = node_values(self.sim, self.look.color)
-        self.survey.top = max(self.survey.top, 1e-30)
-        colors = colors_of(values, 0.0, self.survey.top)
+        top = self.survey.top
+        colors = colors_of(values, 0.0, top, name=COLORMAP)
         for item in self.moving:
             item.color = colors if not isinstance(item, Spheres) else colors[item.nodes]
         picture = self.renderer.draw(self.items, self.camera)
-        bar = ColorBar(quantity.label, quantity.unit, 0.0, self.survey.top)
+        bar = ColorBar(quantity.label, quantity.unit, 0.0, top, COLORMAP)
         return draw_color_bar(picture, bar)
 
 
