@@ -29,7 +29,7 @@ def save(simulation: Simulation, path: str | os.PathLike[str]) -> None:
         "certify": simulation.certify,
         "numbers": numbers,
         "recoveries": recoveries,
-        "rest_limits": list(simulation.limit.rest_limits()) if simulation.guard else None,
+        "limit": simulation.limit.state() if simulation.guard else None,
     }
     arrays = {
         "u": runtime.read(system.u),
@@ -77,7 +77,7 @@ def put(simulation: Simulation, content: Any, arrays: dict[str, NDArray[Any]]) -
         setattr(simulation, name, value)
     simulation.steps = arrays["steps"].tolist()
     simulation.recoveries = [Recovery(**recovery) for recovery in content["recoveries"]]
-    if content["rest_limits"] is not None:
-        simulation.limit.set_rest_limits(*content["rest_limits"])
+    if content["limit"] is not None:
+        simulation.limit.set_state(content["limit"])
     simulation.limit.moved()
     simulation.place_obstacles()

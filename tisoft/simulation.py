@@ -267,7 +267,7 @@ class Simulation:
         """Number and size [s] of the substeps of the next frame."""
         step = self.scene.step
         if step == "auto":
-            step = self.limit.chosen()
+            step = self.limit.chosen(self.substeps)
         elif self.certify and self.scene.integrator != "explicit-euler":
             self._refuse_long(float(step))
         count = max(1, math.ceil(frame_time / float(step) - 1e-9))

@@ -43,6 +43,8 @@ class SharpLimit:
     """[s], residual taken off."""
     mode: Floats
     """The shape that grows first, shape (nodes, 3), inside order, wᵀMw = 1."""
+    products: int = 0
+    """Products with K and C that finding it took."""
 
 
 def sharp_step(system: System, *, integrator: int, u: Floats | None = None) -> float:
@@ -56,18 +58,25 @@ def sharp_step(system: System, *, integrator: int, u: Floats | None = None) -> f
     return min(limits, default=np.inf)
 
 
-def sharp_limit(part: Part, *, integrator: int, u: Floats | None = None) -> SharpLimit:
-    """The stable limit of one body and the shape that sets it."""
-    elastic = Elastic(part)
+def sharp_limit(
+    part: Part, *, integrator: int, u: Floats | None = None, elastic: Elastic | None = None
+) -> SharpLimit:
+    """The stable limit of one body and the shape that sets it; `elastic` spares making it anew."""
+    elastic = elastic or Elastic(part)
+    products = 0
     here = np.zeros((elastic.nodes, 3)) if u is None else np.asarray(u, dtype=np.float64)
     factor = DAMPING_FACTOR[integrator]
     drag = factor * part.body.model.point_damping
     mass = _Mass(part, elastic)
 
     def stiffness(w: Floats) -> Floats:
+        nonlocal products
+        products += 1
         return elastic.stiffness_times(w, here)
 
     def viscosity(w: Floats) -> Floats:
+        nonlocal products
+        products += 1
         return factor * elastic.viscosity_times(w, here)
 
     def both(h: float) -> Operator:
@@ -77,7 +86,7 @@ def sharp_limit(part: Part, *, integrator: int, u: Floats | None = None) -> Shar
     value, mode, residual = _largest(mass, stiffness, mode)
     step = float(longest_step(np.array(max(value + residual, 0.0)), np.array(drag)))
     if not _is_viscous(part) or not np.isfinite(step):
-        return SharpLimit(step, mode)
+        return SharpLimit(step, mode, products)
     for _ in range(ROUNDS):
         h = step
         value, mode, residual = _largest(mass, both(h), mode)
@@ -86,7 +95,7 @@ def sharp_limit(part: Part, *, integrator: int, u: Floats | None = None) -> Shar
         if step >= h * (1.0 - TOLERANCE):
             break
     # Scaling h by s < 1 scales 2hC + h²K by s at the most.
-    return SharpLimit(h * min(1.0, 4.0 / (value + residual + 2.0 * h * drag)), mode)
+    return SharpLimit(h * min(1.0, 4.0 / (value + residual + 2.0 * h * drag)), mode, products)
 
 
 def _is_viscous(part: Part) -> bool:

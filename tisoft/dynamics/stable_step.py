@@ -14,7 +14,7 @@ than the sliver is.
 While a tet deforms (F, Green strain E, second Piola-Kirchhoff stress S), its tangent obeys
 
     St. Venant-Kirchhoff   ω² ≤ ω₀² λ_max(FᵀF) + (4γ/ρ) max(0, λ_max(S)),   d ≤ d₀ λ_max(FᵀF)
-    neo-Hookean            ω² ≤ (4γ/ρ) [3/2 μ' + λ' (|cof F|² + |J − α| |F|)]
+    neo-Hookean            ω² ≤ ω₀² + (4γ/ρ) |A(F) − A(I)|,  A = ∂P/∂F (`neo_hookean_growth`)
 
 with γ = λ_max(∇N_a·∇N_b) and λ_max(A) ≤ m + 2√(|dev A|²/6), m = tr A/3 (exact in tension).
 Velocity Verlet sees damping twice as much: h²ω² + 4h (d + g) ≤ 4 (`DAMPING_FACTOR`).
@@ -73,6 +73,26 @@ def largest_eigenvalue(A):
 
 
 @ti.func
+def neo_hookean_growth(H, lam, mu):
+    """A bound of |A(F) − A(I)| [Pa], A = ∂P/∂F of the neo-Hookean law; 0 at rest."""
+    K = cofactor(H)
+    t = H.trace()
+    square = (H.transpose() @ H).trace()
+    change = ti.sqrt(square)  # |H|
+    size = ti.sqrt(ti.max(3.0 + 2.0 * t + square, 0.0 * t))  # |F|
+    root3 = ti.sqrt(3.0 + 0.0 * t)
+    bend = K - H.transpose()  # cof F − I
+    for d in ti.static(range(3)):
+        bend[d, d] += t
+    turn = ti.sqrt((bend.transpose() @ bend).trace())
+    a = 1.0 / (4.0 + 2.0 * t + square)  # 1/(I_C + 1)
+    away = root3 * ti.abs(a - 0.25) + a * change
+    shear = mu * (ti.max(0.25 - a, 0.0 * a) + 2.0 * away * (a * size + 0.25 * root3))
+    swell = lam * (turn * (turn + 2.0 * root3) + ti.abs(volume_change(H, K)) * size)
+    return shear + swell + 0.75 * mu * change
+
+
+@ti.func
 def place_modes(
     b,
     lane,
@@ -100,15 +120,7 @@ def place_modes(
             top = largest_eigenvalue(hooke(E, lam, mu))
             omega2 = omega2 * stretch + rest_modes[2, b, lane] * ti.max(top, 0.0 * top)
         if ti.static(law == NEO_HOOKEAN):
-            K = cofactor(H)
-            t = H.trace()
-            cof = K - H.transpose()
-            for d in ti.static(range(3)):
-                cof[d, d] += 1.0 + t
-            j = volume_change(H, K) - 0.75 * mu / lam
-            size = ti.sqrt(3.0 + 2.0 * t + (H.transpose() @ H).trace())
-            grown = 1.5 * mu + lam * ((cof.transpose() @ cof).trace() + ti.abs(j) * size)
-            omega2 = rest_modes[2, b, lane] * grown
+            omega2 += rest_modes[2, b, lane] * neo_hookean_growth(H, lam, mu)
     return omega2, rest_modes[1, b, lane] * stretch
 
 

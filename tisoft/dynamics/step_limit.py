@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tisoft import runtime
-from tisoft.dynamics.sharp_step import sharp_step
+from tisoft.dynamics.operators import Elastic
+from tisoft.dynamics.sharp_step import sharp_limit
 from tisoft.dynamics.stable_step import (
     DAMPING_FACTOR,
     longest_step,
@@ -24,8 +26,11 @@ SHARE = 0.9
 """Share of the sharp limit that step = "auto" uses."""
 SAFETY = 0.95
 """Share of the guaranteed bound that it uses away from rest: room to stiffen within a frame."""
-DRIFT = 0.05
-"""Relative change of the bound up to which the sharp limit at rest is trusted."""
+DRIFT = 0.1
+"""Relative change of the bound up to which the last sharp limit is trusted."""
+SPARE = 60
+"""Substeps between two sharp limits, per product that the last took (a product in f64 costs about
+three substeps): 5 % of the run."""
 ROUNDING = 1.0 - 1e-5
 """The tets' limits are computed in f32 at the least; this keeps their rounding on the safe side."""
 
@@ -75,7 +80,10 @@ class StepLimit:
         else:
             runtime.write(self._modes, table)
         self._rest_bound = self._tets_at_rest()
-        self.__dict__.pop("_at_rest", None)
+        self.__dict__.pop("_sharp", None)
+        self._elastic: dict[int, Elastic] = {}
+        self._reference: tuple[float, float] | None = None
+        self._next_look = 0
         self._bound = None
         self.springs = [self._spring_limits(part) for part in s.parts]
         still = [*self.springs, *(self.tensor_limits(p) for p in s.parts if p.is_tensor)]
@@ -116,42 +124,78 @@ class StepLimit:
         if self._moves:
             self._bound = None
 
+    def _look(self, u: NDArray[np.float64] | None) -> tuple[float, int]:
+        """The sharp limit [s] at displacements u, or at rest, and the products it took."""
+        step, products = np.inf, 0
+        for part in self.system.parts:
+            if part.index not in self._elastic:
+                self._elastic[part.index] = Elastic(part)
+            found = sharp_limit(
+                part,
+                integrator=self.integrator,
+                u=None if u is None else u[part.nodes],
+                elastic=self._elastic[part.index],
+            )
+            step, products = min(step, found.step), products + found.products
+        return step, products
+
     @cached_property
-    def _at_rest(self) -> tuple[float, float]:
-        """The sharp limit at rest and the bound there [s]."""
-        bound = min(self._rest_bound, self.spring_step)
-        return max(bound, sharp_step(self.system, integrator=self.integrator)), bound
+    def _sharp(self) -> float:
+        return max(self.rest_bound(), self._look(None)[0])
 
     def sharp(self) -> float:
         """The stable limit at rest [s], damping included: never above the true one, within 1 %."""
-        return self._at_rest[0]
+        return self._sharp
 
-    def rest_limits(self) -> tuple[float, float]:
-        """The sharp limit and the guaranteed bound at rest [s]."""
-        return self._at_rest
+    def rest_bound(self) -> float:
+        """The guaranteed bound at rest [s]."""
+        return min(self._rest_bound, self.spring_step)
 
-    def set_rest_limits(self, sharp: float, bound: float) -> None:
-        """Take both from a checkpoint, so that the same bits follow."""
-        self.__dict__["_at_rest"] = (sharp, bound)
+    def chosen(self, substeps: int) -> float:
+        """The step [s] that "auto" takes in the present state, after `substeps` of the run.
 
-    def chosen(self) -> float:
-        """The step [s] that "auto" takes in the present state.
-
-        Near the rest state (by the bound) that is SHARE of the sharp limit; where the body's bound
-        has moved by more than DRIFT, the bound itself, with room to stiffen within a frame.
+        Where the bound is near that of the last sharp limit, it is SHARE of that, in proportion;
+        elsewhere the bound itself, with room to stiffen within a frame.  Now and then, as often as
+        SPARE allows, the limit is sharpened in the present state.
         """
+        if self._reference is None:
+            self._reference = (self.sharp(), self.rest_bound())
         bound = self.bound()
-        sharp, rest = self._at_rest
-        if abs(bound / rest - 1.0) <= DRIFT:
-            return max(SHARE * sharp * min(1.0, bound / rest), SAFETY * bound)
-        return SAFETY * bound
+        if self._has_drifted(bound) and substeps >= self._next_look:
+            u = np.array(runtime.read(self.system.u), np.float64)
+            for part in self.system.parts:
+                u[part.nodes] += part.shift
+            sharp, products = self._look(u)
+            self._reference = (max(sharp, bound), bound)
+            self._next_look = substeps + SPARE * products
+        sharp, reference = self._reference
+        if self._has_drifted(bound):
+            return SAFETY * bound
+        return max(SHARE * sharp * min(1.0, bound / reference), SAFETY * bound)
+
+    def _has_drifted(self, bound: float) -> bool:
+        assert self._reference is not None
+        return abs(bound / self._reference[1] - 1.0) > DRIFT
 
     def accepted(self) -> float:
         """The longest step [s] with which a frame may have come to the present state."""
         if not self._moves:
             return np.inf
-        sharp, rest = self._at_rest
-        return self.bound() * sharp / rest
+        sharp, bound = self._reference or (self.sharp(), self.rest_bound())
+        return self.bound() * sharp / bound
+
+    def state(self) -> dict[str, float | int | None]:
+        """What a checkpoint keeps, so that the same bits follow."""
+        sharp, bound = self._reference or (None, None)
+        return {"rest": self.sharp(), "sharp": sharp, "bound": bound, "next": self._next_look}
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Go on from what `state` told."""
+        self.__dict__["_sharp"] = state["rest"]
+        if state["sharp"] is not None:
+            self._reference = (state["sharp"], state["bound"])
+        self._next_look = state["next"]
+        self._bound = None
 
     def tensor_limits(self, part: Part) -> NDArray[np.float64]:
         """The nodes' limits of a mass-tensor body: its tets are in no node's list of corners."""
