@@ -12,7 +12,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from tisoft.errors import MeshError
-from tisoft.geometry.rigidity import mechanism, missing_springs, moving_nodes, rigidity
+from tisoft.geometry.bracing import mechanism, missing_springs, moving_nodes
+from tisoft.geometry.rigidity import rigidity
 
 TURN = Rotation.from_euler("xyz", [0.3, 1.1, -0.7]).as_matrix()
 

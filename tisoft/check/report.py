@@ -13,15 +13,10 @@ from numpy.typing import NDArray
 from tisoft.body import Body
 from tisoft.check.limiting import damping_cost, limiting_element, metres
 from tisoft.check.warnings import warnings_of
+from tisoft.geometry.bracing import mechanism, missing_springs, moving_nodes
 from tisoft.geometry.mesh import TetMesh
 from tisoft.geometry.quality import altitudes, quality
-from tisoft.geometry.rigidity import (
-    Rigidity,
-    mechanism,
-    missing_springs,
-    moving_nodes,
-    rigidity,
-)
+from tisoft.geometry.rigidity import Rigidity, rigidity
 from tisoft.models.materials import MassSpring
 from tisoft.simulation import Simulation
 
