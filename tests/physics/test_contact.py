@@ -1,0 +1,215 @@
+"""Contact with obstacles: no penetration, no bounce, Coulomb friction, whatever the direction."""
+
+import numpy as np
+import pytest
+from beams import INTEGRATORS, displaced, masses, momentum, rotation, simulate
+
+import tisoft as ts
+
+G = 9.81
+STABLE = INTEGRATORS[:2]
+
+
+def _slope(degrees):
+    """Gravity that a plane tilted by `degrees` feels when it is drawn level; downhill is +x."""
+    a = np.deg2rad(degrees)
+    return (G * np.sin(a), -G * np.cos(a), 0.0)
+
+
+def _rod(friction, degrees, *, substeps=200, h=1e-3, **keys):
+    """Two points lying on the slope, joined along it."""
+    mesh = ts.net([[0, 0, 0], [1, 0, 0]], [[0, 1]])
+    model = ts.MassSpring(stiffness=100.0, node_mass=0.5)
+    plane = ts.Plane(friction=friction)
+    return simulate(
+        (mesh, model), h=h, substeps=substeps, gravity=_slope(degrees), obstacles=[plane], **keys
+    )
+
+
+@pytest.mark.parametrize("integrator", STABLE)
+@pytest.mark.parametrize(("friction", "degrees"), [(0.3, 30), (0.0, 10), (0.5, 27), (1.2, 60)])
+def test_points_slide_down_a_slope(friction, degrees, integrator):
+    """atan f < θ: the acceleration is g (sin θ − f cos θ), to rounding."""
+    sim = _rod(friction, degrees, integrator=integrator)
+    sim.step()
+    a = G * (np.sin(np.deg2rad(degrees)) - friction * np.cos(np.deg2rad(degrees)))
+    # Verlet's last kick is corrected by the next substep's contact only.
+    within = 1e-11 if integrator == "symplectic-euler" else 0.5e-3 * G
+    assert sim.velocities()[:, 0] == pytest.approx([0.2 * a] * 2, rel=1e-11, abs=within)
+    moved = sim.positions()[:, 0] - [0, 1]
+    assert moved == pytest.approx([0.5 * a * 0.2**2] * 2, rel=1.1 * 1e-3 / 0.2)
+
+
+@pytest.mark.parametrize("integrator", STABLE)
+@pytest.mark.parametrize(("friction", "degrees"), [(0.3, 16), (0.5, 26), (1.2, 50), (0.1, 0)])
+def test_points_stick_on_a_slope(friction, degrees, integrator):
+    sim = _rod(friction, degrees, substeps=1000, integrator=integrator)
+    sim.step()
+    assert sim.positions() == pytest.approx(np.array([[0, 0, 0], [1.0, 0, 0]]), abs=1e-12)
+
+
+def _block(friction, degrees, **keys):
+    """Well damped: with less viscosity a soft block flutters as it slides, about the same mean."""
+    mesh = ts.box(size=(0.4, 0.2, 0.2), cells=(4, 2, 2))
+    model = ts.ViscoElastic(2e5, 0.3, 1000.0, phi=800.0, eta=800.0)
+    plane = ts.Plane(friction=friction)
+    return simulate(
+        (mesh, model), h=2e-4, substeps=500, gravity=_slope(degrees), obstacles=[plane], **keys
+    )
+
+
+@pytest.mark.parametrize(("friction", "degrees"), [(0.3, 25), (0.6, 40)])
+def test_soft_block_slides(friction, degrees):
+    sim = _block(friction, degrees)
+    for _ in range(4):
+        sim.step()  # the vibrations of its arrival die away
+    before, t = momentum(sim)[0][0] / 16.0, 0.5
+    for _ in range(5):
+        sim.step()
+    found = (momentum(sim)[0][0] / 16.0 - before) / t
+    a = G * (np.sin(np.deg2rad(degrees)) - friction * np.cos(np.deg2rad(degrees)))
+    assert found == pytest.approx(a, rel=1e-3)
+
+
+@pytest.mark.parametrize(("friction", "degrees"), [(0.3, 14), (0.6, 28)])
+def test_soft_block_sticks(friction, degrees):
+    sim = _block(friction, degrees)
+    for _ in range(6):
+        sim.step()
+    before = sim.positions()
+    for _ in range(4):
+        sim.step()
+    assert np.abs(sim.positions() - before).max() < 1e-4
+    assert np.abs(sim.velocities()).max() < 2e-3
+
+
+OBSTACLES = {
+    "plane": ts.Plane(point=(0, -1, 0), friction=0.4),
+    "sphere": ts.Sphere(center=(0.1, -1.2, 0.1), radius=0.8, friction=0.4),
+    "box": ts.Box(center=(0.1, -0.7, 0.1), size=(0.7, 0.5, 0.6), friction=0.4),
+}
+
+
+def _gap(name, x):
+    """Distance from an obstacle's surface, negative inside."""
+    o = OBSTACLES[name]
+    if name == "plane":
+        return x[:, 1] + 1.0
+    if name == "sphere":
+        return np.linalg.norm(x - o.center, axis=1) - o.radius
+    past = np.abs(x - o.center) - 0.5 * np.array(o.size)
+    return np.where((past > 0).any(axis=1), np.linalg.norm(np.maximum(past, 0), axis=1),
+                    past.max(axis=1))  # fmt: skip
+
+
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.parametrize("name", OBSTACLES)
+def test_dropped_block_stays_outside(name, precision):
+    mesh = ts.box(size=(0.2, 0.2, 0.2), cells=(2, 2, 2))
+    model = ts.ViscoElastic(1e5, 0.3, 1000.0)
+    rounding = 1e-12 if precision == "f64" else 3e-6
+    sim = simulate(
+        (mesh, model), h=5e-4, substeps=20, gravity=(0, -G, 0), precision=precision,
+        obstacles=[OBSTACLES[name]],
+    )  # fmt: skip
+    least = np.inf
+    for _ in range(100):
+        sim.step()
+        least = min(least, _gap(name, sim.positions()).min())
+    assert least > -rounding
+    assert least < 1e-6  # it did come down
+
+
+@pytest.mark.parametrize("name", OBSTACLES)
+def test_no_bounce(name):
+    """A point that arrives keeps nothing of its velocity towards the obstacle."""
+    mesh = ts.net([[0.1, 0.5, 0.1], [0.1, 0.75, 0.1]], [[0, 1]])
+    model = ts.MassSpring(stiffness=1e-6, node_mass=1.0)
+    sim = simulate((mesh, model), gravity=(0, -G, 0), obstacles=[OBSTACLES[name]])
+    sim.stepper.advance(800, 1e-3, (0, -G, 0))
+    assert _gap(name, sim.positions()[:1]) == pytest.approx([0.0], abs=1e-12)
+    assert np.abs(sim.velocities()[0]).max() < 1e-5
+
+
+def test_frictionless_contact_takes_momentum_along_the_normal_only():
+    normal = np.array([1.0, 2.0, -0.5]) / np.linalg.norm([1.0, 2.0, -0.5])
+    mesh = ts.ball(radius=0.2, resolution=3)
+    model = ts.ViscoElastic(1e5, 0.3, 1000.0)
+    along = np.cross(normal, [0, 0, 1.0])
+    start = {"velocity": tuple(-3 * normal + 2 * along)}
+    plane = ts.Plane(point=tuple(-0.25 * normal), normal=tuple(normal))
+    sim = simulate((mesh, model, start), h=2e-4, substeps=1500, obstacles=[plane])
+    before, _ = momentum(sim)
+    sim.step()
+    change = momentum(sim)[0] - before
+    assert change @ normal > 1.0 * np.linalg.norm(before)
+    assert np.abs(change - (change @ normal) * normal).max() < 1e-12 * np.linalg.norm(before)
+
+
+def test_friction_never_speeds_up():
+    mesh = ts.ball(radius=0.2, resolution=3)
+    start = {"velocity": (2.0, -1.0, 0.0), "spin": (0, 0, 5.0)}
+    model = ts.ViscoElastic(1e5, 0.3, 1000.0)
+    plane = ts.Plane(point=(0, -0.2, 0), friction=5.0)
+    sim = simulate((mesh, model, start), h=2e-4, substeps=25, obstacles=[plane])
+    energy = [sim.energy()["kinetic"]]
+    for _ in range(60):
+        sim.step()
+        e = sim.energy()
+        energy.append(e["kinetic"] + e["elastic"])
+    assert max(energy) <= energy[0] * (1 + 2e-3)
+    assert energy[-1] < 0.9 * energy[0]
+
+
+def test_rigid_load_on_the_ground_weighs_what_it_weighs():
+    """Impulses of contact carry the weight: at rest the block's momentum stays where it is."""
+    sim = _block(0.5, 0)
+    for _ in range(10):
+        sim.step()
+    elastic = sim.forces()
+    bottom = sim.scene.bodies[0].mesh.points[:, 1] < 1e-9
+    weight = G * masses(sim)
+    assert elastic[bottom, 1].sum() == pytest.approx(-weight[~bottom].sum(), rel=1e-4)
+
+
+@pytest.mark.parametrize("kind", ["plane", "sphere"])
+def test_turned_scene_gives_the_turned_answer(kind):
+    R = rotation((1, -2, 0.5), 2.2)
+    mesh = ts.box(size=(0.3, 0.2, 0.2), cells=(3, 2, 2)).transformed(translate=(0.05, 0.1, 0))
+    turned = ts.TetMesh(mesh.points @ R.T, mesh.tets, mesh.kept_nodes)
+    answers = []
+    for body, T in ((mesh, np.eye(3)), (turned, R)):
+        if kind == "plane":
+            normal = np.array([0.2, 1.0, 0.1])
+            obstacle = ts.Plane(point=(0, 0, 0), normal=tuple(T @ normal), friction=0.3)
+        else:
+            center = T @ np.array([0.1, -0.5, 0.05])
+            obstacle = ts.Sphere(center=tuple(center), radius=0.55, friction=0.3)
+        model = ts.ViscoElastic(1e5, 0.3, 1000.0, phi=20.0, eta=20.0)
+        sim = simulate(
+            (body, model), h=5e-4, substeps=600, gravity=tuple(T @ [1.0, -G, 0]),
+            obstacles=[obstacle],
+        )  # fmt: skip
+        sim.step()
+        answers.append(sim.positions())
+    assert np.abs(answers[1] - answers[0] @ R.T).max() < 1e-9
+
+
+def test_pinned_nodes_pass_through_obstacles():
+    mesh = ts.net([[0, -0.5, 0], [0, 1, 0]], [[0, 1]])
+    sim = simulate(
+        (mesh, ts.MassSpring(stiffness=10.0, node_mass=1.0)),
+        pins=[(ts.where.nodes([0]), "xyz")], obstacles=[ts.Plane()], substeps=100,
+    )  # fmt: skip
+    sim.step()
+    assert sim.positions()[0] == pytest.approx([0, -0.5, 0])
+
+
+def test_node_that_starts_inside_is_put_onto_the_surface():
+    mesh = ts.net([[0, 0.5, 0], [0, 1, 0]], [[0, 1]])
+    model = ts.MassSpring(stiffness=1e-6, node_mass=1.0)
+    sim = simulate((mesh, model), obstacles=[ts.Plane()], substeps=5)
+    displaced(sim, [[0, -0.6, 0], [0, 0, 0]])
+    sim.step()
+    assert sim.positions()[0] == pytest.approx([0, 0, 0], abs=1e-8)
+    assert np.abs(sim.velocities()[0]).max() < 1e-6
