@@ -9,7 +9,8 @@ Spring between nodes i and j, rest vector d = X_j − X_i of length l, Δ = u_j 
 is computed as e = (2 d·Δ + |Δ|²)/(L + l) + (l − L₀), which keeps its digits at small strains.
 
 Mass-tensor (Cotin, Delingette and Ayache 2000): f_i = −Σ_j (K_ij u_j + C_ij v_j), the 3×3 blocks of
-the linear stiffness and viscosity stored on nodes (j = i) and edges.
+the linear stiffness and viscosity stored on nodes (j = i) and edges.  Rows add up to nothing, so
+u_j − u_i and v_j − v_i serve as well: a body that has moved far keeps its digits in f32.
 
 | symbol | data column                | unit    |
 | ------ | -------------------------- | ------- |
@@ -72,7 +73,32 @@ def tensor_force(
         j = neighbours[q]
         for r in ti.static(range(3)):
             for c in ti.static(range(3)):
-                f[r] -= stiffness[q, 3 * r + c] * u[j, c]
+                f[r] -= stiffness[q, 3 * r + c] * (u[j, c] - u[i, c])
                 if ti.static(viscous):
-                    f[r] -= viscosity[q, 3 * r + c] * v[j, c]
+                    f[r] -= viscosity[q, 3 * r + c] * (v[j, c] - v[i, c])
+    return f
+
+
+@ti.func
+def row_force(
+    i,
+    viscous: ti.template(),
+    springs: ti.template(),
+    tensors: ti.template(),
+    spring_starts: ti.template(),
+    spring_ends: ti.template(),
+    spring_data: ti.template(),
+    tensor_starts: ti.template(),
+    tensor_ends: ti.template(),
+    stiffness: ti.template(),
+    viscosity: ti.template(),
+    u: ti.template(),
+    v: ti.template(),
+):
+    """Force of springs and mass-tensor rows on node i [N]."""
+    f = 0.0 * ti.Vector([u[i, 0], u[i, 1], u[i, 2]])
+    if ti.static(springs):
+        f += spring_force(i, viscous, spring_starts, spring_ends, spring_data, u, v)
+    if ti.static(tensors):
+        f += tensor_force(i, viscous, tensor_starts, tensor_ends, stiffness, viscosity, u, v)
     return f
