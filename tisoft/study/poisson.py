@@ -1,0 +1,309 @@
+"""Poisson → 0.5: the step shrinks like 1/c_P, and linear tets lock.
+
+    c_P = √((λ + 2μ)/ρ) = √(E (1 − ν)/(ρ (1 + ν)(1 − 2ν)))
+
+Locking is told by the compliance under the body's own weight, f·u = fᵀK⁻¹f at small strain, beside
+that of 10-node tets on the same mesh, which bend and keep their volume with ease.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from tisoft.body import Body
+from tisoft.dynamics.sharp_step import sharp_limit
+from tisoft.dynamics.system import Part, parts_of
+from tisoft.geometry.mesh import TetMesh
+from tisoft.geometry.topology import TET_EDGES
+from tisoft.models.assembly import corner_gradients
+from tisoft.models.materials import Linear, lame_constants
+from tisoft.models.tets import gradients
+from tisoft.study import pictures
+from tisoft.study.axis import Axis, Tick
+from tisoft.study.own import Own
+from tisoft.study.subject import Subject
+
+Floats = NDArray[np.float64]
+
+RATIOS = (0.0, 0.15, 0.3, 0.4, 0.45, 0.48, 0.49, 0.495, 0.499, 0.4999)
+REFERENCE = 0.3
+USABLE = 0.1
+"""Loss of compliance that still counts as usable."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One Poisson's ratio."""
+
+    poisson: float
+    step: float
+    """Stable step [s]."""
+    compliance: float
+    """Of the linear tets [J]."""
+    unlocked: float
+    """Of the same nodes without locking [J]."""
+
+
+def work(subject: Subject) -> int:
+    """Number of ticks that `measure` makes."""
+    return len(RATIOS)
+
+
+def speed(poisson: float) -> float:
+    """c_P over √(E/ρ)."""
+    return float(np.sqrt((1.0 - poisson) / ((1.0 + poisson) * (1.0 - 2.0 * poisson))))
+
+
+def held_body(subject: Subject) -> tuple[Body, str]:
+    """A linear body that gravity can load: with the scene's pins where they hold it, else clamped
+    at one end; and what it is, in words.
+    """
+    mesh = subject.solid
+    body = Body("body", mesh, Linear(**vars(subject.material)))
+    name = subject.solid_name
+    if mesh is subject.body.mesh:
+        body.pins = [p for p in subject.body.pins if p.release is None]
+        if _is_held(body):
+            return body, f"{name} in its pins"
+    body.pins = []
+    axis = int(np.argmax(np.ptp(mesh.points, axis=0)))
+    along = mesh.points[:, axis]
+    end = np.flatnonzero(along <= along.min() + 0.02 * np.ptp(along))
+    from tisoft import where
+
+    body.pin(where.nodes([int(mesh.kept_nodes[n]) for n in end]))
+    return body, f"{name}, clamped at one end"
+
+
+def _free(body: Body) -> NDArray[np.bool_]:
+    free = np.ones((len(body.mesh.points), 3), bool)
+    for pin in body.pins:
+        for axis in pin.axes:
+            free[body.nodes(pin.where), "xyz".index(axis)] = False
+    return free
+
+
+def _is_held(body: Body) -> bool:
+    """Whether the pins leave no rigid motion."""
+    x = body.mesh.points - body.mesh.points.mean(axis=0)
+    x = x / np.abs(x).max()
+    moves = [np.tile(e, (len(x), 1)) for e in np.eye(3)] + [np.cross(e, x) for e in np.eye(3)]
+    held = np.array([m[~_free(body)] for m in moves])
+    return bool(np.linalg.matrix_rank(held, tol=1e-3) == 6)
+
+
+class Compliance:
+    """fᵀK⁻¹f of a clamped body under its weight, for any λ and μ.
+
+    Args:
+        body: its mesh, density and pins.
+        gravity: [m/s²].
+        order: 1 for linear tets, 2 for the 10-node tets on the same mesh.
+    """
+
+    def __init__(self, body: Body, gravity: Floats, order: int) -> None:
+        mesh = body.mesh
+        assert isinstance(mesh, TetMesh) and isinstance(body.model, Linear)
+        gradient, self._volume = gradients(mesh.points, mesh.tets)
+        free, tets, share = _free(body), mesh.tets, LINEAR_WEIGHTS
+        if order == 2:
+            edges, number = np.unique(
+                np.sort(tets[:, TET_EDGES], axis=2).reshape(-1, 2), axis=0, return_inverse=True
+            )
+            tets = np.hstack([tets, len(free) + number.reshape(-1, 6)])
+            free = np.vstack([free, free[edges].any(axis=1)])
+            share = QUADRATIC_WEIGHTS
+        self._shapes = _shape_gradients(corner_gradients(gradient), order)
+        self._columns = (3 * tets[:, :, None] + np.arange(3)).reshape(len(tets), -1)
+        self._free = np.flatnonzero(free.ravel())
+        self._count = free.size
+        mass = np.bincount(tets.ravel(), (self._volume[:, None] * share).ravel(), len(free))
+        weight = body.model.density * mass[:, None] * gravity
+        self._load = weight.ravel()[self._free]
+        self._parts = [self._matrix(lam, mu) for lam, mu in ((1.0, 0.0), (0.0, 1.0))]
+
+    def _matrix(self, lam: float, mu: float) -> sparse.csc_matrix:
+        g = self._shapes
+        points = g.shape[1]
+        blocks = mu * np.einsum("eqai,eqbj->eaibj", g, g).transpose(0, 1, 4, 3, 2)
+        if lam:
+            blocks = lam * np.einsum("eqai,eqbj->eaibj", g, g)
+        else:
+            blocks = blocks + mu * np.einsum("eqak,eqbk,ij->eaibj", g, g, np.eye(3), optimize=True)
+        size = self._columns.shape[1]
+        values = (self._volume[:, None, None] / points) * blocks.reshape(-1, size, size)
+        rows, columns = np.repeat(self._columns, size, axis=1), np.tile(self._columns, (1, size))
+        whole = sparse.csr_matrix(
+            (values.ravel(), (rows.ravel(), columns.ravel())), shape=(self._count, self._count)
+        )
+        return whole[self._free][:, self._free].tocsc()
+
+    def of(self, lam: float, mu: float) -> float:
+        """fᵀK⁻¹f [J] for λ, μ [Pa]."""
+        factor = splu(
+            lam * self._parts[0] + mu * self._parts[1],
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
+        return float(self._load @ factor.solve(self._load))
+
+
+LINEAR_WEIGHTS = np.full(4, 0.25)
+QUADRATIC_WEIGHTS = np.repeat([-0.05, 0.2], [4, 6])
+"""Share of a tet's weight that each of its nodes takes."""
+
+
+def _shape_gradients(corner: Floats, order: int) -> Floats:
+    """Gradients of the shape functions at the points of quadrature, (tets, points, nodes, 3)."""
+    if order == 1:
+        return corner[:, None]
+    L = np.full((4, 4), 0.1381966011250105) + np.diag(np.full(4, 0.4472135954999579))
+    at_corners = np.einsum("qa,eai->eqai", 4.0 * L - 1.0, corner)
+    i, j = TET_EDGES.T
+    at_edges = 4.0 * (
+        L[None, :, i, None] * corner[:, None, j] + L[None, :, j, None] * corner[:, None, i]
+    )
+    return np.concatenate([at_corners, at_edges], axis=2)
+
+
+def measure(subject: Subject, own: Own, tick: Tick) -> Axis:
+    """Step and compliance for each Poisson's ratio."""
+    body, name = held_body(subject)
+    gravity = np.asarray(subject.scene.gravity, float)
+    direction = gravity if gravity.any() else np.array([0.0, -9.81, 0.0])
+    linear, quadratic = (Compliance(body, direction, order) for order in (1, 2))
+    density, young = subject.material.density, subject.material.young
+    rows = []
+    for nu in RATIOS:
+        body.model = Linear(young, nu, density)
+        part: Part = parts_of([body])[0]
+        lam, mu = lame_constants(young, nu)
+        step = sharp_limit(part, integrator=subject.integrator).step
+        rows.append(Row(nu, step, linear.of(lam, mu), quadratic.of(lam, mu)))
+        tick()
+    too_stiff = _at(rows, REFERENCE).unlocked / _at(rows, REFERENCE).compliance - 1.0
+    return Axis(
+        name="poisson",
+        title="Nearly incompressible",
+        sentence=_sentence(subject, rows),
+        columns=(
+            "Poisson's ratio", "stable step [s]", "predicted step [s]",
+            "compliance f·u, linear tets [J]", "compliance f·u, 10-node tets [J]",
+        ),
+        rows=[
+            (r.poisson, r.step, predicted, r.compliance, r.unlocked)
+            for r, predicted in zip(rows, _steps(rows), strict=True)
+        ],
+        draw=lambda figure: _draw(figure, subject, rows),
+        numbers={
+            "usable_below": usable_below(rows),
+            "stiffening_at_0.49": stiffening(rows, 0.49),
+            "step_at_0.49": float(np.interp(0.49, RATIOS, [r.step for r in rows])),
+        },
+        notes=[
+            f"Measured on {name}, at small strain, undamped, under its own weight.  At "
+            f"{REFERENCE:g} this mesh is {100.0 * too_stiff:.0f} % stiffer than 10-node tets on "
+            "it, which serve as the yardstick: linear tets are stiff in bending whatever the ratio."
+        ],
+    )  # fmt: skip
+
+
+def _steps(rows: list[Row]) -> list[float]:
+    """Predicted steps [s]: the one of the reference scaled by the wave speed."""
+    base = _at(rows, REFERENCE).step
+    return [base * speed(REFERENCE) / speed(r.poisson) for r in rows]
+
+
+def _at(rows: list[Row], poisson: float) -> Row:
+    return next(r for r in rows if r.poisson == poisson)
+
+
+def _losses(rows: list[Row]) -> Floats:
+    """Share of its compliance at ν = 0.3 that locking takes, beyond what the reference loses."""
+    base = _at(rows, REFERENCE)
+    kept = [(r.compliance / base.compliance) / (r.unlocked / base.unlocked) for r in rows]
+    return 1.0 - np.array(kept)
+
+
+def usable_below(rows: list[Row]) -> float:
+    """Poisson's ratio at which locking takes USABLE of the compliance; 0.5 where it never does."""
+    losses = _losses(rows)
+    above = [i for i, r in enumerate(rows) if r.poisson > REFERENCE and losses[i] > USABLE]
+    if not above:
+        return 0.5
+    i = above[0]
+    return float(np.interp(USABLE, losses[i - 1 : i + 1], [rows[i - 1].poisson, rows[i].poisson]))
+
+
+def stiffening(rows: list[Row], poisson: float) -> float:
+    """How many times too stiff the mesh is by locking at a Poisson's ratio."""
+    return float(1.0 / (1.0 - np.interp(poisson, [r.poisson for r in rows], _losses(rows))))
+
+
+def _sentence(subject: Subject, rows: list[Row]) -> str:
+    limit = usable_below(rows)
+    base, far = _at(rows, REFERENCE), _at(rows, 0.49)
+    own = subject.material.poisson
+    text = (
+        f"Above Poisson's ratio {limit:.3f} locking makes this mesh more than 10 % too stiff"
+        if limit < 0.5
+        else "Locking makes this mesh nowhere more than 10 % too stiff"
+    ) + (
+        f" (at 0.49 {stiffening(rows, 0.49):.2f} times), and the stable step at 0.49 is "
+        f"{base.step / far.step:.1f} times shorter than at 0.3"
+    )
+    if subject.is_springs:
+        return text + "; springs have 0.25 whatever is asked."
+    place = "inside" if own <= limit else "beyond it"
+    return text + f"; this body's {own:g} is {place}."
+
+
+def _draw(figure: Any, subject: Subject, rows: list[Row]) -> None:
+    left, right = figure.subplots(1, 2)
+    x = 0.5 - np.array([r.poisson for r in rows])
+    fine = np.geomspace(x.min(), 0.5, 200)
+    base = _at(rows, REFERENCE)
+    left.plot(fine, [1e3 * base.step * speed(REFERENCE) / speed(0.5 - d) for d in fine],
+              color=pictures.BLACK, lw=1.4, label="predicted: like 1/c_P")  # fmt: skip
+    left.plot(
+        x, [1e3 * r.step for r in rows], "o", color=pictures.BLUE, label="measured, sharp limit"
+    )
+    right.plot(x, [base.compliance / r.compliance for r in rows], "o-", color=pictures.RED,
+               lw=1.2, label="linear tets, this mesh")  # fmt: skip
+    right.plot(x, [base.unlocked / r.unlocked for r in rows], color=pictures.BLACK, lw=1.4,
+               label="10-node tets on the same mesh")  # fmt: skip
+    limit = usable_below(rows)
+    if limit < 0.5:
+        right.axvline(
+            0.5 - limit, color=pictures.GREY, ls="--", label=f"10 % too stiff: {limit:.3f}"
+        )
+    for ax in (left, right):
+        if not subject.is_springs:
+            ax.axvline(
+                0.5 - subject.material.poisson, color=pictures.BLACK, ls=":", label="this scene"
+            )
+        ax.set_xscale("log")
+        ax.set_xlim(0.6, 0.8 * x.min())
+        ticks = [0.0, 0.3, 0.45, 0.49, 0.499, 0.4999]
+        ax.set_xticks([0.5 - t for t in ticks], [f"{t:g}" for t in ticks])
+        ax.minorticks_off()
+        ax.set_xlabel("Poisson's ratio [1]")
+    left.set_ylim(0.0, None)
+    right.set_yscale("log")
+    top = max(base.compliance / r.compliance for r in rows)
+    marks = [t for t in (0.5, 1, 1.2, 1.5, 2, 3, 5, 10, 20, 50, 100, 1000) if t <= 1.5 * top]
+    right.set_yticks(marks, [f"{t:g}" for t in marks])
+    right.minorticks_off()
+    left.set_ylabel("stable substep [ms]")
+    right.set_ylabel("stiffness / stiffness at 0.3 [1]")
+    left.set_title("Towards 0.5 the stable step goes to nothing")
+    right.set_title("… and linear tets lock")
+    left.legend(loc="lower left")
+    right.legend(loc="upper left")
