@@ -18,9 +18,13 @@ from tisoft.body import Body
 from tisoft.checks import FieldError
 from tisoft.dynamics import nodes
 from tisoft.dynamics.energy import Energies, Forces
+from tisoft.dynamics.flags import Flags
 from tisoft.dynamics.guard import MOST_TRIES, Guard, Recovery
 from tisoft.dynamics.hold import Holder
+from tisoft.dynamics.loading import Loading
+from tisoft.dynamics.modes import Mass, Modes, natural_modes
 from tisoft.dynamics.obstacles import obstacle_kinds, obstacle_shapes
+from tisoft.dynamics.statics import Equilibrium, equilibrium
 from tisoft.dynamics.step_limit import StepLimit
 from tisoft.dynamics.stepper import Stepper
 from tisoft.dynamics.system import Part, System
@@ -35,6 +39,10 @@ INTEGRATORS = {
     "velocity-verlet": nodes.VELOCITY_VERLET,
     "explicit-euler": nodes.EXPLICIT_EULER,
 }
+
+
+LOOK = 32
+"""Substeps after which, at the latest, the stable step and the guard look at the bodies again."""
 
 
 @dataclass(frozen=True)
@@ -147,6 +155,14 @@ class Simulation:
             "error": None,
         }
 
+    def equilibrium(self, *, external: Any = None) -> Equilibrium:
+        """The static equilibrium under gravity, loads and pins of t = duration: see `statics`."""
+        return equilibrium(self, external=external)
+
+    def modes(self, n: int = 6, *, about: Any = "rest", mass: Mass | None = None) -> Modes:
+        """The n lowest natural frequencies and shapes: see `natural_modes`."""
+        return natural_modes(self, n, about=about, mass=mass)
+
     @cached_property
     def measures(self) -> Measures:
         """Strain, stress and momentum in the present state."""
@@ -196,20 +212,28 @@ class Simulation:
         scene, system = self.scene, self.system
         self._kind = runtime.array(obstacle_kinds(scene.obstacles))
         self._shape = runtime.array(self._obstacle_shapes().astype(system.real))
-        self.stepper = Stepper(
-            system,
-            integrator=INTEGRATORS[scene.integrator],
-            contact=bool(scene.obstacles),
-            loads=any(part.body.loads for part in self.parts),
-            viscous=system.viscous(),
-            threads=threads,
-            obstacles=(self._kind, self._shape),
-        )
+        self.loading = Loading(system)
+        self._threads = threads
+        self.stepper = self._bind_stepper()
         self.holder = Holder(system)
         self.holder.begin(0.0, 0.0)
         self.limit.follow()
         self.stepper.advance(0, 0.0, (0.0, 0.0, 0.0))
         self.compile_seconds += time.perf_counter() - begun
+
+    def _flags(self) -> Flags:
+        return Flags(
+            INTEGRATORS[self.scene.integrator],
+            bool(self.scene.obstacles),
+            self.loading.loads,
+            self.loading.pressure,
+            self.system.viscous(),
+            ledger=False,
+        )
+
+    def _bind_stepper(self) -> Stepper:
+        obstacles = (self._kind, self._shape)
+        return Stepper(self.system, self._flags(), threads=self._threads, obstacles=obstacles)
 
     def _obstacle_shapes(self) -> Floats:
         origins = [part.center + part.shift for part in self.parts]
@@ -258,6 +282,8 @@ class Simulation:
             if self.system.tensors:
                 self.system.write_tensors()
             self.limit.refresh()
+        if self.loading.refresh() or self._flags() != self.stepper.flags:
+            self.stepper = self._bind_stepper()
 
     def stable_step(self) -> float:
         """A step [s] that is certainly stable in the present state."""
@@ -289,18 +315,27 @@ class Simulation:
             Diverged: when no step carries the frame; the state is then the last good one.
         """
         self._refresh()
-        frame_time = 1.0 / self.scene.frame_rate
-        end = (self.frame + 1) * frame_time
-        count, h = self.substeps_of(frame_time)
-        self.holder.begin(self.time, end)
-        count, h = self._advance(count, h)
-        self.holder.finish(end)
-        self.substeps += count
-        self.steps.append(h)
+        end = (self.frame + 1) / self.scene.frame_rate
+        count, h = self.substeps_of(1.0 / self.scene.frame_rate)
+        while count > LOOK:
+            self._stretch(self.time + LOOK * h, LOOK, h)
+            count -= LOOK
+            if self.scene.step == "auto" and self.limit.chosen(self.substeps) < h:
+                count, h = self.substeps_of(end - self.time)
+        self._stretch(end, count, h)
         self.frame += 1
-        self.time = end
         self._recenter()
         return self.here()
+
+    def _stretch(self, end: float, count: int, step: float) -> None:
+        """Advance to `end` [s] in `count` substeps of `step` [s], under the guard's eyes."""
+        self.holder.begin(self.time, end)
+        self.loading.begin(self.time, end)
+        count, step = self._advance(count, step)
+        self.holder.finish(end)
+        self.substeps += count
+        self.steps.append(step)
+        self.time = end
 
     def _advance(self, count: int, step: float) -> tuple[int, float]:
         """Make the substeps of one frame; returns the number and size [s] that carried it."""

@@ -31,6 +31,8 @@ DRIFT = 0.1
 SPARE = 60
 """Substeps between two sharp limits, per product that the last took (a product in f64 costs about
 three substeps): 5 % of the run."""
+PATIENCE = 2000
+"""Substeps through which a longer step must have been allowed before it is taken."""
 ROUNDING = 1.0 - 1e-5
 """The tets' limits are computed in f32 at the least; this keeps their rounding on the safe side."""
 
@@ -84,6 +86,8 @@ class StepLimit:
         self._elastic: dict[int, Elastic] = {}
         self._reference: tuple[float, float] | None = None
         self._next_look = 0
+        self._held = np.inf
+        self._window_start, self._window_least = 0, np.inf
         self._bound = None
         self.springs = [self._spring_limits(part) for part in s.parts]
         still = [*self.springs, *(self.tensor_limits(p) for p in s.parts if p.is_tensor)]
@@ -154,6 +158,21 @@ class StepLimit:
     def chosen(self, substeps: int) -> float:
         """The step [s] that "auto" takes in the present state, after `substeps` of the run.
 
+        It falls as soon as it must, and rises only to what would have served all the time during
+        the last PATIENCE substeps.  Symplectic Euler conserves an energy that depends on the step:
+        one that followed each swing of a body would pump energy into it.
+        """
+        allowed = self._allowed(substeps)
+        if substeps - self._window_start >= PATIENCE:
+            self._held = self._window_least
+            self._window_start, self._window_least = substeps, np.inf
+        self._window_least = min(self._window_least, allowed)
+        self._held = min(self._held, allowed)
+        return self._held
+
+    def _allowed(self, substeps: int) -> float:
+        """The step [s] that the present state allows.
+
         Where the bound is near that of the last sharp limit, it is SHARE of that, in proportion;
         elsewhere the bound itself, with room to stiffen within a frame.  Now and then, as often as
         SPARE allows, the limit is sharpened in the present state.
@@ -187,14 +206,23 @@ class StepLimit:
     def state(self) -> dict[str, float | int | None]:
         """What a checkpoint keeps, so that the same bits follow."""
         sharp, bound = self._reference or (None, None)
-        return {"rest": self.sharp(), "sharp": sharp, "bound": bound, "next": self._next_look}
+        return {
+            "rest": self.sharp(),
+            "sharp": sharp,
+            "bound": bound,
+            "next": self._next_look,
+            "held": self._held,
+            "window_start": self._window_start,
+            "window_least": self._window_least,
+        }
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Go on from what `state` told."""
         self.__dict__["_sharp"] = state["rest"]
         if state["sharp"] is not None:
             self._reference = (state["sharp"], state["bound"])
-        self._next_look = state["next"]
+        self._next_look, self._held = state["next"], state["held"]
+        self._window_start, self._window_least = state["window_start"], state["window_least"]
         self._bound = None
 
     def tensor_limits(self, part: Part) -> NDArray[np.float64]:
