@@ -141,15 +141,17 @@ class Run:
             made["error"] = self.error
         return made | more
 
-    def report(self, options: argparse.Namespace, result: dict[str, Any], *lines: str) -> int:
-        """Print the result and the error; returns the exit code."""
+    def report(
+        self, options: argparse.Namespace, result: dict[str, Any], *lines: str, warn: bool = True
+    ) -> int:
+        """Print the result, the warnings and the error; returns the exit code."""
         from tisoft.observers.summary import as_text
 
         if options.json:
             print(as_json(result))
         elif not options.quiet:
             print("\n".join([as_text(result), *lines]))
-            for warning in result["warnings"]:
+            for warning in result["warnings"] if warn else []:
                 print(f"tisoft: warning: {warning}", file=sys.stderr)
         if self.error is not None:
             print(f"tisoft: error: {self.error}", file=sys.stderr)

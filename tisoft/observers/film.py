@@ -48,7 +48,9 @@ class Film:
             survey = self.survey or Survey.of_start(sim)
             self._scenery = Scenery(sim, survey)
         if self._grows:
-            self._scenery.survey.see(sim, sim.scene.render.color)
+            survey = self._scenery.survey
+            survey.see(sim, sim.scene.render.color)
+            survey.tops = [max(survey.tops)] if survey.tops else []
         picture = self._scenery.draw()
         self.sink.write(picture)
         if frame.index == self.kept_index:

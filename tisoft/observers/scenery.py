@@ -25,7 +25,7 @@ from tisoft.simulation import Simulation
 Floats = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 
-SPRING_RADIUS = 0.07
+SPRING_RADIUS = 0.05
 """Of a spring as drawn, as a share of the median spring's length."""
 SHOWN = (98.0, 85.0)
 """Per cent of the nodes, and of the frames, whose values the colours tell apart; what is above, as
@@ -46,7 +46,7 @@ class Survey:
     @property
     def top(self) -> float:
         """The value at the end of the colour bar."""
-        return max(float(np.percentile(self.tops, SHOWN[1])), 1e-30) if self.tops else 1e-30
+        return float(np.percentile(self.tops, SHOWN[1])) if self.tops else 0.0
 
     @classmethod
     def of_start(cls, sim: Simulation) -> Survey:
@@ -110,7 +110,7 @@ class Scenery:
             item.color = colors if not isinstance(item, Spheres) else colors[item.nodes]
         picture = self.renderer.draw(self.items, self.camera)
         bar = ColorBar(quantity.label, quantity.unit, 0.0, top, COLORMAP)
-        return draw_color_bar(picture, bar)
+        return draw_color_bar(picture, bar) if top > 0.0 else picture
 
 
 def up_of(scene: Scene) -> Floats:
@@ -193,13 +193,25 @@ def _is_sheet(surface: NDArray[np.int32]) -> bool:
     return len(sides) != 2 * len(unique_edges(sides))
 
 
+def _longest_side(body: Body) -> float:
+    corners = body.mesh.points[body.mesh.surface]
+    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    return float(sides.max(initial=0.0))
+
+
 def obstacle_items(scene: Scene, ground: Plane | None, survey: Survey) -> list[Item]:
-    """Spheres, boxes, and patches of the planes that are not the ground."""
+    """Spheres, boxes, and patches of the planes that are not the ground.
+
+    Nodes lie on a sphere, so the triangles between them cut into it, by edge²/8R and more where
+    they stretch: spheres are drawn that much smaller, lest they poke through a cloth.
+    """
     items: list[Item] = []
+    edge = max((_longest_side(body) for body in scene.bodies), default=0.0)
     lo, hi = room_of(scene, survey)
     for obstacle in scene.obstacles:
         if isinstance(obstacle, Sphere):
-            items.append(sphere_surface(obstacle.center, obstacle.radius))
+            sunk = min(edge**2 / (4.0 * obstacle.radius), 0.05 * obstacle.radius)
+            items.append(sphere_surface(obstacle.center, obstacle.radius - sunk))
         elif isinstance(obstacle, Box):
             items.append(box_surface(obstacle.center, obstacle.size))
         elif obstacle is not ground:
