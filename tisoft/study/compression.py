@@ -3,15 +3,11 @@
 The body is deformed uniformly, F = diag(a, t, t), with t such that the sides are free, and its
 nodal forces f give the mean nominal stress, P = −(1/V) Σ f ⊗ X: the pull per area at rest.
 
-    St. Venant-Kirchhoff   P = E a (l² − 1)/2,  t² = 1 − ν(l² − 1);  least at a = 1/√3, −E/(3√3)
-    linear                 P = E (a − 1),  t = 1 − ν(a − 1)
-    neo-Hookean            P_i = μ' (1 − 1/(I_C + 1)) s_i + λ' (J − α) J/s_i  (Smith et al. 2018)
-    springs, all ways      P = 6 E ⟨(1 − 1/s) a n_x²⟩,  s = |F n|, the mean over directions n
+`closed_forms` has what theory says.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,17 +16,13 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
 from tisoft.dynamics.operators import Elastic
-from tisoft.models.laws import NEO_HOOKEAN, law_constants
-from tisoft.models.materials import lame_constants
 from tisoft.study import pictures
 from tisoft.study.axis import Axis, Tick
+from tisoft.study.closed_forms import Stress, predicted_energy, predicted_stress
 from tisoft.study.own import Own
-from tisoft.study.subject import NAMES, Material, Subject, with_model
+from tisoft.study.subject import NAMES, Subject, with_model
 
 Floats = NDArray[np.float64]
-Stress = Callable[[float, float], tuple[float, float]]
-"""(a, t) → mean nominal stress along and across [Pa]."""
-
 STRETCHES = np.linspace(0.05, 1.4, 28)
 FINE = np.linspace(0.02, 1.4, 277)
 CONFINED = np.linspace(-1.3, 1.5, 29)
@@ -89,73 +81,6 @@ def measured_stress(elastic: Elastic, volume: float) -> Stress:
         return float(along), float(0.5 * (y + z))
 
     return stress
-
-
-def predicted_stress(name: str, m: Material) -> Stress:
-    """The closed forms."""
-    lam, mu = lame_constants(m.young, m.poisson)
-    if name == "neo-hookean":
-        lam_, mu_ = law_constants(NEO_HOOKEAN, lam, mu)
-        alpha = 1.0 + 0.75 * mu_ / lam_
-
-        def neo_hookean(a: float, t: float) -> tuple[float, float]:
-            shear = mu_ * (1.0 - 1.0 / (a * a + 2.0 * t * t + 1.0))
-            push = lam_ * (a * t * t - alpha)
-            return shear * a + push * t * t, shear * t + push * a * t
-
-        return neo_hookean
-    if name == "mass-spring":
-        x, weight = np.polynomial.legendre.leggauss(64)
-        n2 = (0.5 * (x + 1.0)) ** 2  # n_x is uniform over directions
-        weight = 3.0 * m.young * weight
-
-        def springs(a: float, t: float) -> tuple[float, float]:
-            s = np.sqrt(a * a * n2 + t * t * (1.0 - n2))
-            pull = weight * (1.0 - 1.0 / s)
-            return float(pull @ n2) * a, 0.5 * float(pull @ (1.0 - n2)) * t
-
-        return springs
-    if name == "linear":
-
-        def linear(a: float, t: float) -> tuple[float, float]:
-            trace = a + 2.0 * t - 3.0
-            return lam * trace + 2.0 * mu * (a - 1.0), lam * trace + 2.0 * mu * (t - 1.0)
-
-        return linear
-
-    def st_venant(a: float, t: float) -> tuple[float, float]:
-        trace = 0.5 * (a * a + 2.0 * t * t - 3.0)
-        along = lam * trace + mu * (a * a - 1.0)
-        return along * a, (lam * trace + mu * (t * t - 1.0)) * t
-
-    return st_venant
-
-
-def predicted_energy(name: str, m: Material) -> Callable[[float], float]:
-    """Energy density [J/m³] at a stretch with the sides held, by closed forms."""
-    lam, mu = lame_constants(m.young, m.poisson)
-    if name == "neo-hookean":
-        lam_, mu_ = law_constants(NEO_HOOKEAN, lam, mu)
-
-        def neo_hookean(a: float) -> float:
-            i, j = a * a - 1.0, a - 1.0
-            log = float(np.log(1.0 + 0.25 * i))
-            return 0.5 * mu_ * i + 0.5 * lam_ * j * j - 0.75 * mu_ * j - 0.5 * mu_ * log
-
-        return neo_hookean
-    if name == "mass-spring":
-        x, weight = np.polynomial.legendre.leggauss(64)
-        n2 = (0.5 * (x + 1.0)) ** 2
-
-        def springs(a: float) -> float:
-            s = np.sqrt(a * a * n2 + 1.0 - n2)
-            return 1.5 * m.young * float(weight @ (s - 1.0) ** 2)
-
-        return springs
-    confined = lam + 2.0 * mu
-    if name == "linear":
-        return lambda a: 0.5 * confined * (a - 1.0) ** 2
-    return lambda a: 0.125 * confined * (a * a - 1.0) ** 2
 
 
 def free_sides(stress: Stress, a: float, near: float) -> tuple[float, float]:
@@ -266,7 +191,7 @@ def _sentence(subject: Subject, own: Own, curves: dict[str, Curve]) -> str:
     if curve.softest is None or curve.most is None:
         text = f"This body's {label} model answers every compression with more push"
         if name == "linear":
-            text += ", and turns inside out at -E without a sign"
+            text += ", and turns inside out without a sign once pushed by more than E"
     else:
         text = (
             f"Under a dead load this body's {label} model stops being usable where a part is "
@@ -275,7 +200,8 @@ def _sentence(subject: Subject, own: Own, curves: dict[str, Curve]) -> str:
         )
     if own.seconds:
         least = own.least_stretch
-        text += f"; in {own.seconds:.3g} s of this scene the worst part gets to {least:.3f}"
+        where = f"gets to {least:.3f}" if least > 5e-4 else "is turned inside out"
+        text += f"; in {own.seconds:.3g} s of this scene the worst part {where}"
     return text + "."
 
 
@@ -336,7 +262,7 @@ def _draw(figure: Any, subject: Subject, own: Own, curves: dict[str, Curve]) -> 
     right.set_ylim(-0.04 * young / scale, 1.15 * young / scale)
     right.text(0.5 * CONFINED[0], 1.08 * young / scale, "inverted", ha="center", color=pictures.RED)
     right.set_ylabel(f"elastic energy, sides held [{unit.replace('Pa', 'J')}/m³]")
-    right.set_title("Inverted, two of them are content")
+    right.set_title("Turned inside out, two of them stay so")
     for ax in (left, right):
         ax.set_xlabel("stretch: length / length at rest [1]")
     left.legend(loc="lower right")

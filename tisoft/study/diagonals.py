@@ -287,4 +287,5 @@ def _draw_side(ax: Any, net: Net, found: list[Sag], down: Floats) -> None:
     ax.set_xlabel("across [m]")
     ax.set_ylabel("up [m]")
     ax.set_title("The same net with and without")
-    ax.legend(loc="upper right")
+    for handle in ax.legend(loc="upper right").legend_handles:
+        handle.set_linewidth(2.0)

@@ -220,14 +220,10 @@ def _draw(
         marker = pictures.MARKERS[name]
         left.plot(np.degrees(ANGLES), 100.0 * stress[name] / share, marker, **look)
         right.plot(np.degrees(turned), sizes[name], marker, **look)
-    for strain in (0.01, 0.1):
+    for strain, marker in ((0.01, "v"), (0.1, "P")):
         angle = cost_angle(strain)
-        left.plot([angle, angle], [0.0, 100.0 * strain], color=pictures.BLACK, lw=1.0)
-        left.annotate(
-            f"{100 * strain:.0f} % at {angle:.1f}°", (angle, 100.0 * strain),
-            (angle + 9.0, 100.0 * strain + 3.0 + 20.0 * strain), va="center",
-            arrowprops={"arrowstyle": "-", "color": pictures.BLACK},
-        )  # fmt: skip
+        left.plot(angle, 100.0 * strain, marker, color=pictures.BLACK, ms=7, zorder=5,
+                  label=f"{100 * strain:.0f} % at {angle:.1f}°")  # fmt: skip
     if own.seconds and own.most_turn > 0.0:
         turn = min(90.0, float(np.degrees(own.most_turn)))
         left.axvline(turn, color=pictures.BLACK, ls=":", label="this scene's largest turn")

@@ -88,19 +88,23 @@ def write_study(
     place = make_folder(folder)
     begun = time.perf_counter()
     done: list[Axis] = []
-    status = "interrupted"
+
+    def tell(status: str) -> dict[str, Any]:
+        seconds = time.perf_counter() - begun
+        result = summary(study, done, status=status, seconds=seconds)
+        write_text(place / "stability.md", page(study, done, title=title))
+        write_text(place / "summary.json", as_json(result) + "\n")
+        return result
+
     try:
         for axis in study.axes(tick, on_axis):
             pictures.save(axis, place)
             write_text(place / f"{axis.name}.csv", axis.table())
             done.append(axis)
-        status = "done"
-    finally:
-        seconds = time.perf_counter() - begun
-        result = summary(study, done, status=status, seconds=seconds)
-        write_text(place / "stability.md", page(study, done, title=title))
-        write_text(place / "summary.json", as_json(result) + "\n")
-    return result
+    except KeyboardInterrupt:
+        tell("interrupted")
+        raise
+    return tell("done")
 
 
 def summary(study: Study, axes: list[Axis], *, status: str, seconds: float) -> dict[str, Any]:

@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 
 from tisoft import runtime
 from tisoft.body import Body
-from tisoft.dynamics import nodes
 from tisoft.dynamics.sharp_step import sharp_step
 from tisoft.dynamics.system import Part, System, parts_of
 from tisoft.errors import SceneError
 from tisoft.geometry.mesh import Mesh, TetMesh
 from tisoft.geometry.shapes import box
-from tisoft.models.mass_spring import network
+from tisoft.models.mass_spring import network, triangle_areas
 from tisoft.models.materials import Linear, MassSpring, NeoHookean, SolidModel, ViscoElastic
 from tisoft.scene import Scene
 from tisoft.simulation import INTEGRATORS
@@ -31,6 +30,9 @@ LEAST_RATIO = 1 / 30
 """Smallest edge over size below which runs over the body's own time would take too long."""
 STAND_IN = 1500
 """Tets of the block that stands in otherwise, about."""
+
+FLAT = 0.02
+"""Share of the largest extent below which a body is flat."""
 
 NAMES = {
     "viscoelastic": "St. Venant-Kirchhoff",
@@ -87,9 +89,10 @@ class Subject:
 
     @cached_property
     def size(self) -> Floats:
-        """Extents of the body [m], shape (3,); a flat or straight one gets a thickness."""
+        """Extents of the body [m], shape (3,); those of a cube where it is flat or straight."""
         extent = np.ptp(self.body.mesh.points, axis=0)
-        return np.maximum(extent, 0.05 * float(extent.max()))
+        largest = float(extent.max())
+        return extent if extent.min() > FLAT * largest else np.full(3, largest)
 
     @cached_property
     def material(self) -> Material:
@@ -104,9 +107,13 @@ class Subject:
 
     @cached_property
     def volume(self) -> float:
-        """Of the tets, else of the box around the body [m³]."""
-        mesh = self.body.mesh
-        return float(mesh.volumes.sum() if isinstance(mesh, TetMesh) else self.size.prod())
+        """Of the tets, else of the box around the body [m³]; sheets have a thickness."""
+        mesh, model = self.body.mesh, self.body.model
+        if isinstance(mesh, TetMesh):
+            return float(mesh.volumes.sum())
+        if isinstance(model, MassSpring) and model.thickness and len(mesh.surface):
+            return model.thickness * float(triangle_areas(mesh.points, mesh.surface).sum())
+        return float(self.size.prod())
 
     def model(self, name: str, **changes: Any) -> SolidModel | MassSpring:
         """One of NAMES with the body's material, undamped; further parameters by name."""
@@ -141,7 +148,8 @@ class Subject:
         """What `solid` is, in words."""
         if self.solid is self.body.mesh:
             return f"the mesh of {self.body.name!r}"
-        return f"a block of {len(self.solid.tets)} tets as large as {self.body.name!r}"
+        shape = "cube" if np.ptp(self.size) == 0.0 else "block"
+        return f"a {shape} of {len(self.solid.tets)} tets as large as {self.body.name!r}"
 
 
 def alone(body: Body) -> Scene:
@@ -157,8 +165,3 @@ def alone(body: Body) -> Scene:
 def with_model(mesh: Mesh, model: SolidModel | MassSpring, name: str = "body") -> Part:
     """A free body of a mesh and a model, numbered as the operators take it."""
     return parts_of([Body(name, mesh, model)])[0]
-
-
-def symplectic() -> int:
-    """The integrator of the lectures."""
-    return nodes.SYMPLECTIC_EULER
