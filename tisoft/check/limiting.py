@@ -22,14 +22,48 @@ UNUSUAL = 1.5
 
 @dataclass(frozen=True)
 class RestLimits:
-    """Bounds on the step [s] of one body's elements at rest, in its file's order."""
+    """What bounds the step at rest in one body: its nodes' tets, or its springs."""
 
     part: Part
     kind: str
     """"tet" or "spring"."""
-    steps: Floats
-    undamped: Floats
-    """Without viscosity, dampers and point damping."""
+    ends: NDArray[np.int32]
+    """Inside nodes of each element."""
+    weight: Floats
+    """Volume of each tet, by which nodes average; empty for springs."""
+    omega2: Floats
+    rate: Floats
+    """ω² [1/s²] and damping rate [1/s] of each element, point damping included."""
+
+    def steps(self, *, damped: bool = True, without: int | None = None) -> Floats:
+        """Bounds on the step [s], by node for tets and by spring for springs."""
+        rate = self.rate if damped else np.zeros(len(self.rate))
+        if self.kind == "spring":
+            steps = longest_step(self.omega2, rate)
+            return steps if without is None else np.delete(steps, without)
+        weight = self.weight.copy()
+        if without is not None:
+            weight[without] = 0.0
+        share = np.bincount(self.ends.ravel(), np.repeat(weight, 4))
+        used = share > 0.0
+        mean = [
+            np.bincount(self.ends.ravel(), np.repeat(a * weight, 4))[used] / share[used]
+            for a in (self.omega2, rate)
+        ]
+        return longest_step(mean[0], mean[1])
+
+    def worst(self) -> int:
+        """The element that sets the bound: the stiffest at the node, or the spring."""
+        if self.kind == "spring":
+            return int(np.argmin(self.steps()))
+        used = np.unique(self.ends)
+        node = used[int(np.argmin(self.steps()))]
+        around = np.flatnonzero((self.ends == node).any(axis=1))
+        return int(around[np.argmin(longest_step(self.omega2, self.rate)[around])])
+
+    def number(self, element: int) -> int:
+        """The element's number in its file."""
+        return int(self.part.tet_order[element]) if self.kind == "tet" else element
 
 
 def rest_limits(sim: Simulation) -> list[RestLimits]:
@@ -37,29 +71,28 @@ def rest_limits(sim: Simulation) -> list[RestLimits]:
     omega2, rate, _ = sim.system.element_frequencies()
     found = []
     for part in sim.parts:
+        drag = part.body.model.point_damping
         if part.is_springs:
-            w2, damping = spring_frequencies(part.springs, part.spring_numbers, 1.0 / part.mass)
-            kind = "spring"
+            ends, weight, kind = part.springs.astype(np.int32), np.empty(0), "spring"
+            modes = spring_frequencies(part.springs, part.spring_numbers, 1.0 / part.mass)
         else:
-            order = np.argsort(part.tet_order)
-            w2, damping = omega2[part.place][order], rate[part.place][order]
-            kind = "tet"
-        damping = sim.limit.factor * (damping + part.body.model.point_damping)
-        steps, undamped = longest_step(w2, damping), longest_step(w2, np.zeros(len(w2)))
-        found.append(RestLimits(part, kind, steps, undamped))
+            ends, weight, kind = part.tets, part.volume, "tet"
+            modes = omega2[part.place], rate[part.place]
+        damping = sim.limit.factor * (modes[1] + drag)
+        found.append(RestLimits(part, kind, ends, weight, modes[0], damping))
     return found
 
 
 def limiting_element(sim: Simulation) -> dict[str, Any] | None:
     """Body, element, kind and reason of the element that sets the step; None where nothing does."""
-    limits = [limit for limit in rest_limits(sim) if len(limit.steps)]
-    least = min(limits, key=lambda limit: float(limit.steps.min()), default=None)
-    if least is None or not np.isfinite(least.steps.min()):
+    limits = [limit for limit in rest_limits(sim) if len(limit.ends)]
+    least = min(limits, key=lambda limit: float(limit.steps().min()), default=None)
+    if least is None or not np.isfinite(least.steps().min()):
         return None
-    element = int(np.argmin(least.steps))
+    element = least.worst()
     return {
         "body": least.part.body.name,
-        "element": element,
+        "element": least.number(element),
         "kind": least.kind,
         "reason": _reason(limits, least, element),
     }
@@ -67,27 +100,25 @@ def limiting_element(sim: Simulation) -> dict[str, Any] | None:
 
 def damping_cost(sim: Simulation) -> float:
     """How many times smaller damping makes the bound on the step; 1 without damping."""
-    limits = [limit for limit in rest_limits(sim) if len(limit.steps)]
-    if not limits:
+    limits = [limit for limit in rest_limits(sim) if len(limit.ends)]
+    undamped = min((float(a.steps(damped=False).min()) for a in limits), default=np.inf)
+    if not np.isfinite(undamped):
         return 1.0
-    with np.errstate(invalid="ignore"):
-        undamped = min(float(limit.undamped.min()) for limit in limits)
-        damped = min(float(limit.steps.min()) for limit in limits)
-    return undamped / damped if np.isfinite(undamped) else 1.0
+    return undamped / min(float(a.steps().min()) for a in limits)
 
 
 def _reason(limits: list[RestLimits], least: RestLimits, element: int) -> str:
+    number = least.number(element)
     causes = _tet_causes if least.kind == "tet" else _spring_causes
-    found = [*causes(least.part, element), *_material_causes(limits, least)]
-    viscous = float(least.undamped[element] / least.steps[element])
+    found = [*causes(least.part, number), *_material_causes(limits, least)]
+    viscous = float(least.steps(damped=False).min() / least.steps().min())
     if viscous > UNUSUAL:
-        found.append(f"damping makes its step {viscous:.2g} times smaller")
+        found.append(f"damping makes the step {viscous:.2g} times smaller")
     why = " and ".join(found) or f"the body's {least.kind}s are much alike: the mesh size sets it"
-    others = np.concatenate([limit.steps for limit in limits])
-    rest = np.sort(others)[1] if len(others) > 1 else np.inf
-    gain = float(rest / least.steps[element])
-    end = f"; without it the step would be {gain:.2g} times larger" if 1.05 < gain < np.inf else ""
-    return why + end
+    now = float(least.steps().min())
+    others = [limit.steps().min() for limit in limits if limit is not least]
+    gain = float(min([least.steps(without=element).min(initial=np.inf), *others])) / now
+    return why + (f"; it costs {gain:.2g} times in speed" if 1.05 < gain < np.inf else "")
 
 
 def _tet_causes(part: Part, element: int) -> list[str]:

@@ -16,10 +16,11 @@ from tisoft.observers.scenery import (
     ground_of,
     obstacle_items,
     up_of,
+    with_bar,
 )
 from tisoft.render.colormap import colors_of
 from tisoft.render.items import Capsules, Item, Spheres
-from tisoft.render.overlay import ColorBar, draw_caption, draw_color_bar
+from tisoft.render.overlay import ColorBar, draw_caption
 from tisoft.render.renderer import Renderer
 from tisoft.render.video import open_sink
 from tisoft.simulation import Simulation
@@ -53,7 +54,7 @@ def draw_check(path: str | Path, sim: Simulation, report: Report) -> None:
             )
             return
         bodies, bar = _limits(sim, rest)
-        sink.write(draw_color_bar(renderer.draw(items + bodies, camera), bar))
+        sink.write(with_bar(renderer.draw(items + bodies, camera), bar))
 
 
 def _mechanisms(sim: Simulation, rest: Floats, report: Report) -> list[Item]:
@@ -81,8 +82,7 @@ def _as_net(sim: Simulation, number: int, positions: Floats, start: int) -> list
 
 def _limits(sim: Simulation, rest: Floats) -> tuple[list[Item], ColorBar]:
     """Bodies coloured by the least bound on the step among the elements at each node."""
-    limits = rest_limits(sim)
-    steps = np.concatenate([_at_nodes(limit) for limit in limits])
+    steps = np.concatenate([_at_nodes(limit) for limit in rest_limits(sim)])
     known = np.isfinite(steps)
     lo = float(steps[known].min()) if known.any() else 0.0
     hi = float(np.percentile(steps[known], 95.0)) if known.any() else 1.0
@@ -101,9 +101,13 @@ def _limits(sim: Simulation, rest: Floats) -> tuple[list[Item], ColorBar]:
 
 
 def _at_nodes(limit: RestLimits) -> Floats:
-    mesh = limit.part.body.mesh
-    rows = mesh.tets if limit.kind == "tet" else limit.part.body.springs()
-    least = np.full(len(mesh.points), np.inf)
-    for column in range(rows.shape[1]):
-        np.minimum.at(least, rows[:, column], limit.steps)
+    part, steps = limit.part, limit.steps()
+    inside = np.full(len(part.order), np.inf)
+    if limit.kind == "tet":
+        inside[np.unique(limit.ends)] = steps
+    else:
+        for column in range(2):
+            np.minimum.at(inside, limit.ends[:, column], steps)
+    least = np.empty_like(inside)
+    least[part.order] = inside
     return least
