@@ -61,7 +61,7 @@ def node_values(sim: Simulation, name: str) -> Floats:
 
 def _stress(part: Part, u: Floats) -> Floats:
     if part.is_springs:
-        return _mises(_virial_stress(part, u))
+        return _mises(virial_stress(part, u))
     model = part.body.model
     assert isinstance(model, SolidModel)
     H = _displacement_gradient(part, u)
@@ -138,7 +138,8 @@ def _mean_at_ends(part: Part, values: Floats) -> Floats:
     return total / np.maximum(number, 1)
 
 
-def _virial_stress(part: Part, u: Floats) -> Floats:
+def virial_stress(part: Part, u: Floats) -> Floats:
+    """Stress [Pa] of the springs at each node for displacements u, shape (nodes, 3, 3)."""
     points = (part.body.mesh.points - part.center)[part.order] + u
     d = points[part.springs[:, 1]] - points[part.springs[:, 0]]
     length = np.linalg.norm(d, axis=1)

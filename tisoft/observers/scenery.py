@@ -34,6 +34,10 @@ COLORMAP = "YlOrRd"
 """Light where nothing happens, so that a body at rest looks like a body in daylight."""
 
 
+LEAST_HEIGHT = 200
+"""Pixels of a picture that has room for a colour bar."""
+
+
 @dataclass
 class Survey:
     """What a film must leave room for: where nodes go, and the values that colours show."""
@@ -109,8 +113,14 @@ class Scenery:
         for item in self.moving:
             item.color = colors if not isinstance(item, Spheres) else colors[item.nodes]
         picture = self.renderer.draw(self.items, self.camera)
-        bar = ColorBar(quantity.label, quantity.unit, 0.0, top, COLORMAP)
-        return draw_color_bar(picture, bar) if top > 0.0 else picture
+        return with_bar(picture, ColorBar(quantity.label, quantity.unit, 0.0, top, COLORMAP))
+
+
+def with_bar(picture: Picture, bar: ColorBar) -> Picture:
+    """The picture with a colour bar, where it has room for one and there is something to tell."""
+    return (
+        draw_color_bar(picture, bar) if len(picture) >= LEAST_HEIGHT and bar.hi > 0.0 else picture
+    )
 
 
 def up_of(scene: Scene) -> Floats:

@@ -1,0 +1,118 @@
+"""The shipped demos run, draw, and show what they say; so do the README's examples."""
+
+import json
+import re
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import tisoft as ts
+from tisoft.cli import main
+from tisoft.commands.demo import demos
+
+ROOT = Path(__file__).parents[1]
+SCENES = [name for name, file in demos().items() if file.suffix == ".toml"]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def blocks(language):
+    return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
+
+
+def test_list_names_every_demo_with_a_sentence(capsys):
+    assert main(["demo", "--list", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    names = {row["name"] for row in rows}
+    assert names == {
+        *("creature", "cantilever", "side-by-side", "tumble", "cloth", "spinning-brick"),
+    }
+    assert all(row["about"].endswith(".") and Path(row["file"]).is_file() for row in rows)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_demo_draws_its_film_and_its_picture(name, tmp_path, capsys):
+    short = ["--set", "duration=0.067", "--set", "render.samples=1", "--size", "64x48"]
+    assert main(["demo", name, "-o", str(tmp_path), "--json", *short]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["frames"] == 2
+    assert sorted(p.name for p in tmp_path.iterdir()) == [f"{name}.mp4", f"{name}.png"]
+    with Image.open(tmp_path / f"{name}.png") as picture:
+        assert np.ptp(np.asarray(picture)) > 50
+
+
+def test_demo_without_a_name_is_the_creature(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["demo", "--set", "duration=0.034", "--size", "64x48"]) == 0
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["demo.mp4", "demo.png"]
+    assert "demo.mp4" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_creature_squashes_stands_up_and_still_jiggles():
+    scene = ts.load_scene(demos()["creature"])
+    sim = ts.Simulation(scene)
+    heights = [np.ptp(frame.positions()[:, 1]) for frame in sim.frames()]
+    rest = np.ptp(scene.bodies[0].mesh.points[:, 1])
+    assert min(heights) < 0.75 * rest
+    assert heights[-1] > 0.7 * rest
+    assert np.abs(sim.velocities()).max() > 0.02
+    assert sim.positions()[:, 1].min() > -1e-5
+
+
+@pytest.mark.slow
+def test_tumbling_cubes_keep_to_their_lanes():
+    sim = ts.Simulation(ts.load_scene(demos()["tumble"]))
+    for frame in sim.frames():
+        spans = [frame.positions(body)[:, 2] for body in sim.scene.bodies]
+        assert spans[0].min() > spans[1].max() and spans[1].min() > spans[2].max()
+    downhill = [frame.positions(body)[:, 0].mean() for body in sim.scene.bodies]
+    assert min(downhill) > 1.0
+
+
+@pytest.mark.slow
+def test_spinning_brick_checks_itself(tmp_path):
+    subprocess.run([sys.executable, demos()["spinning-brick"]], check=True, cwd=tmp_path)
+    assert (tmp_path / "spinning_brick.mp4").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_wheel_runs_the_demo(tmp_path):
+    build = [sys.executable, "-m", "pip", "wheel", "--no-deps", "-q", "-w", str(tmp_path), ROOT]
+    subprocess.run(build, check=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    zipfile.ZipFile(wheel).extractall(tmp_path / "site")
+    short = ["--set", "duration=0.034", "--size", "64x48", "--quiet"]
+    subprocess.run(
+        [sys.executable, "-m", "tisoft", "demo", *short],
+        check=True,
+        cwd=tmp_path / "site",
+    )
+    assert (tmp_path / "site" / "demo.mp4").is_file()
+
+
+def test_readme_scene_runs(tmp_path, capsys):
+    (text,) = blocks("toml")
+    assert tomllib.loads(text)["duration"] == 1.0
+    scene = tmp_path / "scene.toml"
+    scene.write_text(text, encoding="utf-8")
+    assert main(["run", str(scene), "--json", "--set", "duration=0.1"]) == 0
+    assert json.loads(capsys.readouterr().out)["warnings"] == []
+
+
+def test_readme_python_runs(capsys):
+    (text,) = blocks("python")
+    exec(compile(text, "README.md", "exec"), {})
+    assert re.fullmatch(r"after 0\.5 s the tip is 0\.\d\d m down\n", capsys.readouterr().out)
+
+
+def test_ci_runs_the_test_command_of_the_readme():
+    commands = "".join(blocks("sh"))
+    _, tests = commands.strip().splitlines()
+    assert tests in (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()
+    assert "/usr/bin/env bash" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
