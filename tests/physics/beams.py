@@ -45,12 +45,13 @@ def simulate(
     pins=(),
     obstacles=(),
     certify=False,
-    threads=None,
+    threads=1,
     **scene_keys,
 ):
     """A simulation of (mesh, model[, {velocity, spin}]) whose frames have `substeps` of `h` [s].
 
-    `pins` are (selection, axes) of the first body.
+    `pins` are (selection, axes) of the first body.  One thread suits small bodies, and does not
+    wait for another where the machine is busy.
     """
     rate = 1.0 / (substeps * h)
     keys = {"precision": "f64", "step": h, **scene_keys}
