@@ -5,7 +5,7 @@ import pytest
 
 import tisoft as ts
 from tisoft.dynamics.gpu import bind_gpu
-from tisoft.simulation import INTEGRATORS, Simulation
+from tisoft.simulation import Simulation
 
 
 def _scene(integrator, precision, mass):
@@ -42,9 +42,7 @@ def test_launches_per_substep_agree_with_one_launch_a_frame(integrator, mass, pr
     one = Simulation(_scene(integrator, precision, mass), certify=False, threads=1)
     many = Simulation(_scene(integrator, precision, mass), certify=False, threads=1)
     s = many.stepper
-    s._launch = bind_gpu(
-        many.system, s.params, INTEGRATORS[integrator], True, False, True, many._kind, many._shape
-    )
+    s._launch = bind_gpu(many.system, s.params, s.flags, many._kind, many._shape)
     for _ in range(10):
         one.step()
         many.step()

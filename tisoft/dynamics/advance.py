@@ -16,9 +16,11 @@ from typing import Any
 import taichi as ti
 
 from tisoft.dynamics.nodes import move_node, node_force
+from tisoft.dynamics.pressure import pressure_force
+from tisoft.dynamics.work import move_and_book
 from tisoft.models.consistent_mass import begin_solve, iterate_solve
 from tisoft.models.laws import stress
-from tisoft.models.rows import spring_force, tensor_force
+from tisoft.models.rows import row_force
 
 LANES = 8
 CHUNK = 512
@@ -106,8 +108,10 @@ def advance_kernel(real: Any) -> Any:
         tensors: ti.template(),
         iterations: ti.template(),
         loads: ti.template(),
+        pressure: ti.template(),
         contact: ti.template(),
         integrator: ti.template(),
+        ledger: ti.template(),
         params: A(),
         u: A(),
         v: A(),
@@ -120,12 +124,20 @@ def advance_kernel(real: Any) -> Any:
         drive: A(),
         load: A(),
         force: A(),
+        pressure_starts: A(),
+        pressure_ends: A(),
+        pressure_data: A(),
+        pressed: A(),
         law_starts: A(),
         nodes: A(),
         shapes: Rows,
         owner: A(),
         slots: Rows,
         flat: A(),
+        still_slots: Rows,
+        still_flat: A(),
+        still: A(),
+        work: A(),
         starts: A(),
         corners: A(),
         spring_starts: A(),
@@ -163,26 +175,35 @@ def advance_kernel(real: Any) -> Any:
                             batch_forces(
                                 b, law, viscous, real, nodes, shapes, owner, material, u, v, slots
                             )
+                            if ti.static(ledger and viscous):
+                                batch_forces(
+                                    b, law, False, real, nodes, shapes, owner, material, u, v,
+                                    still_slots,
+                                )
                     if ti.static(springs or tensors):
                         for i in range(first, last):
-                            f = 0.0 * gravity
-                            if ti.static(springs):
-                                f += spring_force(
-                                    i, viscous, spring_starts, spring_ends, spring_data, u, v
-                                )
-                            if ti.static(tensors):
-                                f += tensor_force(
-                                    i,
-                                    viscous,
-                                    tensor_starts,
-                                    tensor_ends,
-                                    stiffness,
-                                    viscosity,
-                                    u,
-                                    v,
-                                )
+                            f = row_force(
+                                i, viscous, springs, tensors, spring_starts, spring_ends,
+                                spring_data, tensor_starts, tensor_ends, stiffness, viscosity, u, v,
+                            )
                             for c in ti.static(range(3)):
                                 force[i, c] = f[c]
+                    if ti.static((springs or tensors) and ledger and viscous):
+                        # A loop of its own: Taichi 1.7.4 merges it with the one above within one.
+                        for i in range(first, last):
+                            f = row_force(
+                                i, False, springs, tensors, spring_starts, spring_ends,
+                                spring_data, tensor_starts, tensor_ends, stiffness, viscosity, u, v,
+                            )
+                            for c in ti.static(range(3)):
+                                still[i, c] = f[c]
+                    if ti.static(pressure):
+                        for i in range(first, last):
+                            f = pressure_force(
+                                i, pressure_starts, pressure_ends, pressure_data, u
+                            )
+                            for c in ti.static(range(3)):
+                                pressed[i, c] = f[c]
                     phase += 1
                     meet(arrived, phase, threads)
                     for i in range(first, last):
@@ -198,6 +219,8 @@ def advance_kernel(real: Any) -> Any:
                             force,
                             load,
                         )
+                        if ti.static(pressure):
+                            f += ti.Vector([pressed[i, 0], pressed[i, 1], pressed[i, 2]])
                         a = f * inverse_mass[i] + gravity
                         for c in ti.static(range(3)):
                             a[c] -= material[body[i], 4] * v[i, c]
@@ -211,24 +234,19 @@ def advance_kernel(real: Any) -> Any:
                                 residual,
                                 direction,
                             )
+                        elif ti.static(ledger):
+                            move_and_book(
+                                i, a, s < substeps, s > 0, h, integrator, contact, rest, u, v,
+                                half, body[i], held, drive, kind, shape,
+                                viscous, ti.static(len(laws) > 0), ti.static(springs or tensors),
+                                loads, pressure, LANES,
+                                gravity, inverse_mass, material, starts, corners, flat, still_flat,
+                                force, still, load, pressed, work,
+                            )
                         else:
                             move_node(
-                                i,
-                                a,
-                                s < substeps,
-                                s > 0,
-                                h,
-                                integrator,
-                                contact,
-                                rest,
-                                u,
-                                v,
-                                half,
-                                body[i],
-                                held,
-                                drive,
-                                kind,
-                                shape,
+                                i, a, s < substeps, s > 0, h, integrator, contact, rest, u, v,
+                                half, body[i], held, drive, kind, shape,
                             )
                     if ti.static(iterations > 0):
                         for k in range(iterations):
@@ -251,24 +269,20 @@ def advance_kernel(real: Any) -> Any:
                             a = ti.Vector(
                                 [acceleration[i, 0], acceleration[i, 1], acceleration[i, 2]]
                             )
-                            move_node(
-                                i,
-                                a,
-                                s < substeps,
-                                s > 0,
-                                h,
-                                integrator,
-                                contact,
-                                rest,
-                                u,
-                                v,
-                                half,
-                                body[i],
-                                held,
-                                drive,
-                                kind,
-                                shape,
-                            )
+                            if ti.static(ledger):
+                                move_and_book(
+                                    i, a, s < substeps, s > 0, h, integrator, contact, rest, u, v,
+                                    half, body[i], held, drive, kind, shape,
+                                    viscous, ti.static(len(laws) > 0),
+                                    ti.static(springs or tensors), loads, pressure, LANES, gravity,
+                                    inverse_mass, material, starts, corners, flat, still_flat,
+                                    force, still, load, pressed, work,
+                                )
+                            else:
+                                move_node(
+                                    i, a, s < substeps, s > 0, h, integrator, contact, rest, u, v,
+                                    half, body[i], held, drive, kind, shape,
+                                )
                     phase += 1
                     meet(arrived, phase, threads)
 

@@ -47,6 +47,18 @@ class Energies:
         self._elements = [
             self._springs(part) if part.is_springs else self._tets(part) for part in system.parts
         ]
+        self.reread()
+
+    def reread(self) -> None:
+        """Take over the materials of all bodies."""
+        for element in self._elements:
+            part = element.part
+            model = part.body.model
+            if isinstance(model, SolidModel):
+                constants = laws.law_constants(law_of(model), model.lame_lambda, model.lame_mu)
+                runtime.write(element.numbers, np.array(constants))
+            elif len(part.springs):
+                runtime.write(element.numbers, part.spring_numbers[:, :2])
 
     def _array(self, values: Any, kind: Any = None) -> Any:
         return runtime.array(np.array(values, dtype=kind or self._wide, order="C"))
@@ -78,14 +90,6 @@ class Energies:
     def elements(self, part: Part) -> Floats:
         """Elastic energy of each tet or spring of one body [J], in the mesh's own order."""
         element = self._elements[part.index]
-        if part.is_springs:
-            if len(part.springs):
-                runtime.write(element.numbers, part.spring_numbers[:, :2])
-        else:
-            model = part.body.model
-            assert isinstance(model, SolidModel)
-            constants = laws.law_constants(law_of(model), model.lame_lambda, model.lame_mu)
-            runtime.write(element.numbers, np.array(constants))
         element.launch()
         inside = runtime.read(element.out).astype(np.float64)
         if part.is_springs:
@@ -93,6 +97,14 @@ class Energies:
         out = np.empty_like(inside)
         out[part.tet_order] = inside
         return out
+
+    def table(self, gravity: Any) -> dict[str, float]:
+        """All of them under a gravity [m/s²]."""
+        return {
+            "kinetic": self.kinetic(),
+            "elastic": self.elastic(),
+            "gravity": self.gravity(gravity),
+        }
 
     def elastic(self) -> float:
         """[J]"""
@@ -139,9 +151,10 @@ class Forces:
         rows = s.springs > 0 or s.tensors
         launches = []
         if s.laws:
-            launches.append(runtime.bind(plain.tet_forces, *tet_arguments(s, viscous)))
+            tets = tet_arguments(s, viscous, s.flat_slots)
+            launches.append(runtime.bind(plain.tet_forces, *tets))
         if rows:
-            launches.append(runtime.bind(plain.row_forces, *row_arguments(s, viscous)))
+            launches.append(runtime.bind(plain.row_forces, *row_arguments(s, viscous, s.force)))
         launches.append(
             runtime.bind(
                 plain.sum_forces, bool(s.laws), rows, s.lanes,
@@ -160,18 +173,18 @@ class Forces:
         return np.array(runtime.read(self.total), np.float64)
 
 
-def tet_arguments(s: System, viscous: bool) -> list[Any]:
+def tet_arguments(s: System, viscous: bool, slots: Any) -> list[Any]:
     """Arguments of `plain.tet_forces`."""
     return [
         s.laws, viscous, s.lanes,
-        s.law_starts, s.nodes, s.shapes, s.owner, s.material, s.u, s.v, s.flat_slots,
+        s.law_starts, s.nodes, s.shapes, s.owner, s.material, s.u, s.v, slots,
     ]  # fmt: skip
 
 
-def row_arguments(s: System, viscous: bool) -> list[Any]:
+def row_arguments(s: System, viscous: bool, force: Any) -> list[Any]:
     """Arguments of `plain.row_forces`."""
     return [
-        viscous, s.springs > 0, s.tensors, s.u, s.v, s.force,
+        viscous, s.springs > 0, s.tensors, s.u, s.v, force,
         s.spring_starts, s.spring_ends, s.spring_data,
         s.tensor_starts, s.tensor_ends, s.stiffness, s.viscosity,
     ]  # fmt: skip

@@ -125,30 +125,59 @@ def move_node(
 
     Velocity Verlet keeps v(t + h/2) in `half` and leaves in `v` the prediction v(t + h) that the
     next viscous forces see; `opens` and `closes` say which of its two kicks are due.
+
+    Returns what the ledger needs (see `work`): seconds of the kick, velocity before and after it,
+    the jump of the velocity in contact, displacement, and push onto the surface [m].
     """
     old = ti.Vector([v[i, 0], v[i, 1], v[i, 2]])
+    before = old
     new = old + h * a
+    kick = h
+    way = 0.0 * a
     if ti.static(integrator == VELOCITY_VERLET):
         new = old
+        kick = 0.0 * h
         if closes:
-            new = ti.Vector([half[i, 0], half[i, 1], half[i, 2]]) + 0.5 * h * a
+            before = ti.Vector([half[i, 0], half[i, 1], half[i, 2]])
+            new = before + 0.5 * h * a
+            kick += 0.5 * h
+            way += 0.5 * h * before
+        if opens:
+            kick += 0.5 * h
     ahead = new  # the velocity that moves the node
     if ti.static(integrator == VELOCITY_VERLET):
         ahead = new + 0.5 * h * a
     if ti.static(integrator == EXPLICIT_EULER):
         ahead = old
     shift = 0.0 * a
+    jump = 0.0 * a
     if ti.static(contact):
         if held[i] != 7:
             x = ti.Vector([rest[i, 0] + u[i, 0], rest[i, 1] + u[i, 1], rest[i, 2] + u[i, 2]])
+            free = ahead
             ahead, shift = collide(kind, shape, body, h, x, ahead)
             if ti.static(integrator == SYMPLECTIC_EULER):
                 new = ahead
+            if ti.static(integrator != EXPLICIT_EULER):
+                jump = ahead - free
+            if ti.static(integrator == VELOCITY_VERLET):
+                if not opens:  # the velocity that a frame ends with does not lead inside either
+                    free = new
+                    new, shift = collide(kind, shape, body, h, x, new)
+                    jump, shift = new - free, 0.0 * a
     for c in ti.static(range(3)):
         if held[i] & (1 << c):
             new[c] = drive[i, c]
             ahead[c] = drive[i, c]
             shift[c] = 0.0 * h
+    after = new
+    if ti.static(integrator == VELOCITY_VERLET):
+        if opens:
+            after = ahead
+            way += 0.5 * h * ahead + shift
+    else:
+        way = h * ahead + shift
+    for c in ti.static(range(3)):
         if ti.static(integrator == VELOCITY_VERLET):
             if opens:
                 half[i, c] = ahead[c]
@@ -159,3 +188,4 @@ def move_node(
         else:
             v[i, c] = new[c]
             u[i, c] = u[i, c] + (h * ahead[c] + shift[c])
+    return kick, before, after, jump, way, shift

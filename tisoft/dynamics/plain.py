@@ -8,9 +8,11 @@ corner forces to its own slots, a node sums its slots in element order, as there
 import taichi as ti
 
 from tisoft.dynamics.nodes import move_node, node_force
+from tisoft.dynamics.pressure import pressure_force
+from tisoft.dynamics.work import move_and_book
 from tisoft.models.consistent_mass import begin_solve, iterate_solve
 from tisoft.models.laws import stress
-from tisoft.models.rows import spring_force, tensor_force
+from tisoft.models.rows import row_force
 
 A = ti.types.ndarray
 
@@ -64,13 +66,10 @@ def row_forces(
 ):
     """Forces [N] of springs and mass-tensor rows on each node, into `force`, shape (nodes, 3)."""
     for i in range(u.shape[0]):
-        f = 0.0 * ti.Vector([u[i, 0], u[i, 1], u[i, 2]])
-        if ti.static(springs):
-            f += spring_force(i, viscous, spring_starts, spring_ends, spring_data, u, v)
-        if ti.static(tensors):
-            f += tensor_force(
-                i, viscous, tensor_starts, tensor_ends, stiffness, viscosity, u, v
-            )
+        f = row_force(
+            i, viscous, springs, tensors, spring_starts, spring_ends, spring_data,
+            tensor_starts, tensor_ends, stiffness, viscosity, u, v,
+        )
         for c in ti.static(range(3)):
             force[i, c] = f[c]
 
@@ -87,14 +86,26 @@ def sum_forces(
             total[i, c] = f[c]
 
 
+@ti.kernel
+def pressure_forces(starts: A(), ends: A(), data: A(), u: A(), pressed: A()):
+    """Forces [N] of the pressures on each node, into `pressed`, shape (nodes, 3)."""
+    for i in range(u.shape[0]):
+        f = pressure_force(i, starts, ends, data, u)
+        for c in ti.static(range(3)):
+            pressed[i, c] = f[c]
+
+
 @ti.func
 def node_acceleration(i, tets: ti.template(), rows: ti.template(), loads: ti.template(),
-                      lanes: ti.template(), params: ti.template(), v: ti.template(),
-                      inverse_mass: ti.template(), body: ti.template(), material: ti.template(),
-                      force: ti.template(), load: ti.template(), starts: ti.template(),
-                      corners: ti.template(), slots: ti.template()):
+                      pressure: ti.template(), lanes: ti.template(), params: ti.template(),
+                      v: ti.template(), inverse_mass: ti.template(), body: ti.template(),
+                      material: ti.template(), force: ti.template(), load: ti.template(),
+                      pressed: ti.template(), starts: ti.template(), corners: ti.template(),
+                      slots: ti.template()):
     """f/m + g − (point damping) v of node i [m/s²], m the lumped mass."""
     f = node_force(i, tets, rows, loads, starts, corners, slots, lanes, force, load)
+    if ti.static(pressure):
+        f += ti.Vector([pressed[i, 0], pressed[i, 1], pressed[i, 2]])
     a = f * inverse_mass[i] + ti.Vector([params[1], params[2], params[3]])
     for c in ti.static(range(3)):
         a[c] -= material[body[i], 4] * v[i, c]
@@ -104,36 +115,68 @@ def node_acceleration(i, tets: ti.template(), rows: ti.template(), loads: ti.tem
 @ti.kernel
 def move_nodes(
     opens: int, closes: int,
-    tets: ti.template(), rows: ti.template(), loads: ti.template(), contact: ti.template(),
-    integrator: ti.template(), lanes: ti.template(),
-    params: A(), u: A(), v: A(), half: A(), rest: A(), inverse_mass: A(), body: A(), material: A(),
-    held: A(), drive: A(), force: A(), load: A(), starts: A(), corners: A(), slots: A(),
+    tets: ti.template(), rows: ti.template(), loads: ti.template(), pressure: ti.template(),
+    lanes: ti.template(), contact: ti.template(), integrator: ti.template(),
+    viscous: ti.template(), ledger: ti.template(),
+    params: A(), v: A(), inverse_mass: A(), body: A(), material: A(), held: A(), force: A(),
+    load: A(), pressed: A(), starts: A(), corners: A(), slots: A(),
+    u: A(), half: A(), rest: A(), drive: A(), still_slots: A(), still: A(), work: A(),
     kind: A(), shape: A(),
 ):
     """Sum, integrate and hold all nodes of lumped mass."""
     for i in range(u.shape[0]):
         a = node_acceleration(
-            i, tets, rows, loads, lanes, params, v, inverse_mass, body, material, force, load,
-            starts, corners, slots,
+            i, tets, rows, loads, pressure, lanes, params, v, inverse_mass, body, material, force,
+            load, pressed, starts, corners, slots,
         )
+        move(
+            i, a, opens != 0, closes != 0, tets, rows, loads, pressure, lanes, contact, integrator,
+            viscous, ledger, params, v, inverse_mass, body, material, held, force, load, pressed,
+            starts, corners, slots, u, half, rest, drive, still_slots, still, work, kind, shape,
+        )
+
+
+@ti.func
+def move(
+    i, a, opens, closes,
+    tets: ti.template(), rows: ti.template(), loads: ti.template(), pressure: ti.template(),
+    lanes: ti.template(), contact: ti.template(), integrator: ti.template(),
+    viscous: ti.template(), ledger: ti.template(),
+    params: ti.template(), v: ti.template(), inverse_mass: ti.template(), body: ti.template(),
+    material: ti.template(), held: ti.template(), force: ti.template(), load: ti.template(),
+    pressed: ti.template(), starts: ti.template(), corners: ti.template(), slots: ti.template(),
+    u: ti.template(), half: ti.template(), rest: ti.template(), drive: ti.template(),
+    still_slots: ti.template(), still: ti.template(), work: ti.template(), kind: ti.template(),
+    shape: ti.template(),
+):
+    """Integrate and hold node i, with its entries in the ledger where there is one."""
+    if ti.static(ledger):
+        move_and_book(
+            i, a, opens, closes, params[0], integrator, contact, rest, u, v, half, body[i], held,
+            drive, kind, shape, viscous, tets, rows, loads, pressure, lanes,
+            ti.Vector([params[1], params[2], params[3]]), inverse_mass, material, starts, corners,
+            slots, still_slots, force, still, load, pressed, work,
+        )
+    else:
         move_node(
-            i, a, opens != 0, closes != 0, params[0], integrator, contact, rest, u, v, half,
-            body[i], held, drive, kind, shape,
+            i, a, opens, closes, params[0], integrator, contact, rest, u, v, half, body[i], held,
+            drive, kind, shape,
         )
 
 
 @ti.kernel
 def begin_solves(
-    tets: ti.template(), rows: ti.template(), loads: ti.template(), lanes: ti.template(),
+    tets: ti.template(), rows: ti.template(), loads: ti.template(), pressure: ti.template(),
+    lanes: ti.template(),
     params: A(), v: A(), inverse_mass: A(), body: A(), material: A(), held: A(), force: A(),
-    load: A(), starts: A(), corners: A(), slots: A(),
+    load: A(), pressed: A(), starts: A(), corners: A(), slots: A(),
     diagonal: A(), acceleration: A(), residual: A(), direction: A(),
 ):
     """Sum the nodes' forces and begin the solve with the consistent mass."""
     for i in range(v.shape[0]):
         a = node_acceleration(
-            i, tets, rows, loads, lanes, params, v, inverse_mass, body, material, force, load,
-            starts, corners, slots,
+            i, tets, rows, loads, pressure, lanes, params, v, inverse_mass, body, material, force,
+            load, pressed, starts, corners, slots,
         )
         begin_solve(
             i, a / inverse_mass[i], held[i], diagonal, acceleration, residual, direction
@@ -155,14 +198,20 @@ def iterate_solves(
 
 @ti.kernel
 def move_solved(
-    opens: int, closes: int, contact: ti.template(), integrator: ti.template(),
-    params: A(), u: A(), v: A(), half: A(), rest: A(), body: A(), held: A(), drive: A(),
-    acceleration: A(), kind: A(), shape: A(),
+    opens: int, closes: int,
+    tets: ti.template(), rows: ti.template(), loads: ti.template(), pressure: ti.template(),
+    lanes: ti.template(), contact: ti.template(), integrator: ti.template(),
+    viscous: ti.template(), ledger: ti.template(),
+    params: A(), v: A(), inverse_mass: A(), body: A(), material: A(), held: A(), force: A(),
+    load: A(), pressed: A(), starts: A(), corners: A(), slots: A(),
+    u: A(), half: A(), rest: A(), drive: A(), still_slots: A(), still: A(), work: A(),
+    kind: A(), shape: A(), acceleration: A(),
 ):
     """Integrate and hold all nodes with the accelerations of the solve."""
     for i in range(u.shape[0]):
         a = ti.Vector([acceleration[i, 0], acceleration[i, 1], acceleration[i, 2]])
-        move_node(
-            i, a, opens != 0, closes != 0, params[0], integrator, contact, rest, u, v, half,
-            body[i], held, drive, kind, shape,
+        move(
+            i, a, opens != 0, closes != 0, tets, rows, loads, pressure, lanes, contact, integrator,
+            viscous, ledger, params, v, inverse_mass, body, material, held, force, load, pressed,
+            starts, corners, slots, u, half, rest, drive, still_slots, still, work, kind, shape,
         )

@@ -190,11 +190,12 @@ def _largest(mass: _Mass, operator: Operator, start: Floats) -> tuple[float, Flo
 def _dense(mass: _Mass, operator: Operator, shape: tuple[int, ...]) -> Floats:
     """The vector of λ_max of a body too small for ARPACK."""
     free = np.flatnonzero(mass.free)
+    if not len(free):
+        return np.zeros(shape)
     units = np.zeros((len(free), *shape))
     units.reshape(len(free), -1)[np.arange(len(free)), free] = 1.0
     matrix = np.array([operator(w).ravel()[free] for w in units])
     weight = np.array([mass.times(w).ravel()[free] for w in units])
     out = np.zeros(shape)
-    if len(free):
-        out.ravel()[free] = eigh(0.5 * (matrix + matrix.T), weight)[1][:, -1]
+    out.ravel()[free] = eigh(0.5 * (matrix + matrix.T), weight)[1][:, -1]
     return out

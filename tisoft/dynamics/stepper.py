@@ -9,6 +9,7 @@ import numpy as np
 
 from tisoft import runtime
 from tisoft.dynamics.advance import advance_kernel
+from tisoft.dynamics.flags import Flags
 from tisoft.dynamics.nodes import VELOCITY_VERLET
 from tisoft.dynamics.system import System
 from tisoft.models.consistent_mass import ITERATIONS
@@ -67,16 +68,13 @@ class Stepper:
     def __init__(
         self,
         system: System,
+        flags: Flags,
         *,
-        integrator: int,
-        contact: bool,
-        loads: bool,
-        viscous: bool,
         threads: int | None,
         obstacles: tuple[Any, Any],
     ) -> None:
         self.system = system
-        self.integrator = integrator
+        self.flags = flags
         self.params = runtime.array(np.zeros(4, system.real))
         work = system.tets + system.springs // SPRINGS_PER_TET
         pool = runtime.threads() if runtime.on_cpu() else 1
@@ -85,26 +83,25 @@ class Stepper:
         self.fixed = threads
         self.longest = max(SHORTEST, LAUNCH_WORK // max(1, work))
         self._arrived = runtime.array(np.zeros(1, np.int32))
-        self._bind(integrator, contact, loads, viscous, *obstacles)
+        self._bind(*obstacles)
 
-    def _bind(
-        self, integrator: int, contact: bool, loads: bool, viscous: bool, kind: Any, shape: Any
-    ) -> None:
-        s = self.system
+    def _bind(self, kind: Any, shape: Any) -> None:
+        s, flags = self.system, self.flags
         if not runtime.on_cpu():
             from tisoft.dynamics.gpu import bind_gpu
 
-            self._launch = bind_gpu(
-                s, self.params, integrator, contact, loads, viscous, kind, shape
-            )
+            self._launch = bind_gpu(s, self.params, flags, kind, shape)
             return
         kernel = advance_kernel(s.taichi_real)
         arguments = [
-            0, 0, 0, 1, s.laws, viscous, s.springs > 0, s.tensors,
-            ITERATIONS[s.precision] if s.consistent else 0, loads, contact, integrator,
+            0, 0, 0, 1, s.laws, flags.viscous, s.springs > 0, s.tensors,
+            ITERATIONS[s.precision] if s.consistent else 0, flags.loads, flags.pressure,
+            flags.contact, flags.integrator, flags.ledger,
             self.params, s.u, s.v, s.half, s.rest, s.inverse_mass, s.body,
             s.material, s.held, s.drive, s.load, s.force,
+            s.pressure_starts, s.pressure_ends, s.pressure_data, s.pressed,
             s.law_starts, s.nodes, s.shapes, s.owner, s.slots, s.flat_slots,
+            s.still_slots, s.still_flat, s.still, s.work,
             s.starts, s.corners,
             s.spring_starts, s.spring_ends, s.spring_data,
             s.tensor_starts, s.tensor_ends, s.stiffness, s.viscosity,
@@ -119,10 +116,12 @@ class Stepper:
 
     def advance(self, substeps: int, step: float, gravity: Any) -> None:
         """`substeps` substeps of `step` [s] under `gravity` [m/s²]."""
+        if self.flags.ledger:
+            self.system.clear_work()
         runtime.write(self.params, np.array([step, *gravity], dtype=self.system.real))
         # A frame cut into launches gives the bits of one launch: velocity Verlet's last pass only
         # closes the last substep.
-        passes = substeps + (self.integrator == VELOCITY_VERLET and substeps > 0)
+        passes = substeps + (self.flags.integrator == VELOCITY_VERLET and substeps > 0)
         done = 0
         while done < passes:
             now = min(passes - done, TRIAL if self._tries() else self.longest)

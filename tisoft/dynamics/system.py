@@ -167,6 +167,8 @@ class System:
         self._make_tets()
         self._make_springs()
         self._make_tensors()
+        self.set_pressures(np.zeros(self.count + 1), np.zeros((1, 2)), np.zeros((1, 7)))
+        self.make_ledger(False)
         self._make_mass()
         self.material = self._array(self.material_table())
 
@@ -298,6 +300,29 @@ class System:
         self.acceleration = self._array(np.zeros(shape))
         self.residual = self._array(np.zeros(shape))
         self.direction = self._array(np.zeros((2, *shape)))
+
+    def set_pressures(self, starts: Any, ends: Any, data: Any) -> None:
+        """Rows of `pressure.pressure_force`, which a stepper must be bound to anew."""
+        self.pressure_starts = self._array(starts, np.int32)
+        self.pressure_ends = self._array(ends, np.int32)
+        self.pressure_data = self._array(data)
+        self.pressed = self._array(np.zeros((self.count, 3)))
+
+    def make_ledger(self, on: bool) -> None:
+        """Arrays of the ledger: elements' forces without viscosity [N], and `work`, the dissipated
+        energy and the external work of a frame [J] per node, shape (nodes, 2).
+        """
+        wide = np.float64 if runtime.has_f64() else np.float32
+        self.work = self._array(np.zeros((self.count if on else 1, 2)), wide)
+        self.still = self._array(np.zeros((self.count if on else 1, 3)))
+        size = runtime.read(self.flat_slots).size if on else 12 * self.lanes
+        self.still_flat = self._array(np.zeros(size))
+        shape = (-1, 12, self.lanes)
+        self.still_slots = self.still_flat.reshape(shape) if runtime.on_cpu() else self.still_flat
+
+    def clear_work(self) -> None:
+        """Begin a frame's ledger."""
+        runtime.write(self.work, np.zeros((self.count, 2)))
 
     def material_table(self) -> Floats:
         """λ', μ' of the law, φ, η [Pa, Pa·s] and point damping [1/s], shape (bodies, 5)."""
