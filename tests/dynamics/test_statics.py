@@ -5,6 +5,7 @@ import pytest
 
 import tisoft as ts
 from tisoft import where
+from tisoft.dynamics import linear_solve
 from tisoft.dynamics.statics import equilibrium
 
 CLAMP = where.plane((0, 0, 0), (1, 0, 0))
@@ -240,6 +241,68 @@ def test_neo_hookean_cube_follows_its_own_curve():
     assert (energy(x, y + h) - energy(x, y - h)) / (2 * h) == pytest.approx(0, abs=1e-4 * -load)
 
 
+# -- loads that scenes hold -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("pressure", [1e3, 3e4, -1e5])
+def test_cube_under_pressure_from_all_sides(pressure):
+    """Stretch l of a St.VK cube: 3K l (l² − 1)/2 = −p l² on the face as it is, 3K = E/(1 − 2ν)."""
+    mesh = ts.box((1, 1, 1), (2, 2, 2))
+    scene = ts.Scene(gravity=(0, 0, 0))
+    body = scene.add_body(mesh, ts.ViscoElastic(1e5, 0.3, 1000.0))
+    for k, axis in enumerate("xyz"):
+        normal = np.eye(3)[k]
+        body.pin(where.plane((0, 0, 0), normal), axis)
+        body.load(where.plane(normal, -normal), pressure=pressure)
+    stretch = np.roots([1.0, 2 * pressure * (1 - 0.6) / 1e5, -1.0]).max()
+    assert np.abs(equilibrium(scene).positions - stretch * mesh.points).max() < 1e-10
+
+
+def test_free_ball_under_pressure_stays_where_it_is():
+    mesh = ts.ball(1.0, 3)
+    scene = ts.Scene(gravity=(0, 0, 0))
+    scene.add_body(mesh, ts.ViscoElastic(1e6, 0.3, 1000.0)).load(where.everything(), pressure=1e5)
+    found = equilibrium(scene)
+    stretch = np.roots([1.0, 2e5 * (1 - 0.6) / 1e6, -1.0]).max()
+    assert np.abs(found.positions - stretch * mesh.points).max() < 1e-9
+    assert found.warnings == []
+
+
+def test_force_and_traction_of_a_scene_are_its_external_forces():
+    end = where.plane((1, 0, 0), (-1, 0, 0))
+    model = ts.ViscoElastic(1e6, 0.3, 1000.0)
+    scene = bar("five", 1, model, gravity=(0, 0, 0))
+    mesh = scene.bodies[0].mesh
+    forces = face_load(mesh, mesh.points[:, 0] > 1 - 1e-9, (0, 0, -1000.0))
+    expected = equilibrium(scene, external=forces)
+    for load in ({"force": (0, 0, -40.0)}, {"traction": (0, 0, -1000.0)}):
+        scene = bar("five", 1, model, gravity=(0, 0, 0))
+        scene.bodies[0].load(end, **load)
+        found = equilibrium(scene)
+        assert np.abs(found.positions - expected.positions).max() < 1e-12
+        assert found.energy["external_work"] == pytest.approx(expected.energy["external_work"])
+
+
+def test_torque_on_a_face_is_borne_by_the_clamp():
+    scene = bar("five", 1, ts.ViscoElastic(1e6, 0.3, 1000.0), gravity=(0, 0, 0))
+    end = where.plane((1, 0, 0), (-1, 0, 0))
+    scene.bodies[0].load(end, torque=ts.Torque((1, 0.1, 0.1), (1, 0, 0), 40.0))
+    found = equilibrium(scene)
+    moment = np.cross(found.positions, found.reactions).sum(axis=0)
+    assert moment == pytest.approx([-40.0, 0, 0], abs=1e-8)
+    assert found.reactions.sum(axis=0) == pytest.approx([0, 0, 0], abs=1e-8)
+
+
+def test_loads_are_seen_at_the_end_of_the_scene():
+    plain, late = (bar("five", 1, ts.Linear(1e6, 0.3, 1000.0), duration=4.0) for _ in range(2))
+    end = where.plane((1, 0, 0), (-1, 0, 0))
+    plain.bodies[0].load(end, force=(0, 0, -10.0))
+    late.bodies[0].load(end, force=(0, 0, -40.0), table=[(0, 0), (8, 0.5)])
+    late.bodies[0].load(end, force=(0, 0, -1e9), end=3.9)
+    expected = equilibrium(plain).positions
+    assert equilibrium(late).positions == pytest.approx(expected, abs=1e-12)
+
+
 # -- springs --------------------------------------------------------------------------------------
 
 
@@ -283,6 +346,17 @@ def test_slack_chain_hangs_in_a_catenary(links, axial, sag, slack):
     points = np.stack([0.8 * t, -slack * np.sin(np.pi * t), 0 * t], axis=1)
     scene = string(points, links * axial, 1 / links, [0, links], length=1 / links)
     assert equilibrium(scene).positions[:, 1].min() == pytest.approx(-sag, abs=5e-8)
+
+
+def test_very_stiff_chain_hangs_in_the_polygon_of_its_links():
+    """Links that do not stretch: REFERENCES S7's catenary from below, and no load on the way."""
+    t = np.linspace(0, 1, 21)
+    points = np.stack([0.8 * t, 0 * t, 0 * t], axis=1)
+    found = equilibrium(string(points, 20 * 1e8, 1 / 20, [0, 20], length=1 / 20))
+    links = np.linalg.norm(np.diff(found.positions, axis=0), axis=1)
+    assert links == pytest.approx(np.full(20, 0.05), rel=1e-6)
+    slopes = np.diff(found.positions[:, 1]) / np.diff(found.positions[:, 0])
+    assert np.diff(slopes) == pytest.approx(np.full(19, np.diff(slopes)[0]), rel=1e-6)
 
 
 LIMIT = 2 * 1000 * (np.hypot(1, 0.3) ** (2 / 3) - 1) ** 1.5
@@ -420,6 +494,54 @@ def test_dynamics_run_to_rest_agree():
         pass
     sag = np.abs(still - mesh.points).max()
     assert np.abs(simulation.positions() - still).max() < 1e-6 * sag
+
+
+def test_bodies_too_large_to_factorise_find_the_same(monkeypatch):
+    monkeypatch.setattr(linear_solve, "FACTOR_LIMIT", 0)
+    scene = bar("five", 1, ts.ViscoElastic(1e6, 0.3, 1000.0))
+    expected = [-0.03372279, 0.0, -0.24285602]
+    assert tip(scene, equilibrium(scene)) == pytest.approx(expected, abs=1e-8)
+    flat = string([[-1, 0, 0], [0, 0, 0], [1, 0, 0]], 200.0, 2.0, [0, 2])
+    assert equilibrium(flat).positions[1, 1] == pytest.approx(-0.4865936028, abs=1e-9)
+
+
+def arch_under(load, model):
+    """Height of the middle of a shallow clamped arch of 24 x 2 x 2 cells under a dead load [N]."""
+    unit = ts.box((1, 1, 1), (24, 2, 2))
+    x, y, z = unit.points.T
+    radius, angle = 1 + 0.04 * (z - 0.5), x - 0.5
+    points = np.stack([radius * np.sin(angle), 0.1 * y, radius * np.cos(angle)], axis=1)
+    scene = ts.Scene(gravity=(0, 0, 0))
+    body = scene.add_body(ts.tet_mesh(points, unit.tets), model)
+    body.pin(where.nodes(np.flatnonzero(np.abs(angle) > 0.5 - 1e-9).tolist()))
+    top = np.flatnonzero((np.abs(angle) < 1e-9) & (z > 1 - 1e-9))
+    forces = np.zeros_like(points)
+    forces[top, 2] = -load / len(top)
+    return equilibrium(scene, external=forces).positions[top[1], 2]
+
+
+@pytest.mark.parametrize("kind", [ts.ViscoElastic, ts.NeoHookean])
+def test_arch_does_not_snap_through_unsaid(kind):
+    """The last load found does not depend on how much was asked for, and is an equilibrium's."""
+    model = kind(1e6, 0.3, 1000.0)
+    limits = []
+    for load in (40.0, 300.0):
+        with pytest.raises(ts.NoEquilibrium) as caught:
+            arch_under(load, model)
+        limits.append(load * caught.value.load_factor)
+    assert limits[0] == pytest.approx(limits[1], rel=2e-3)
+    assert 0.9 < arch_under(0.99 * limits[0], model) < 1.02
+
+
+@pytest.mark.parametrize(("size", "young"), [(1e-6, 1e6), (1e6, 1e6), (1.0, 1e-3), (1.0, 1e14)])
+def test_nothing_is_absolute(size, young):
+    """The same number of ρgL/E gives the same shape, whatever the units."""
+    mesh = ts.box((size, 0.2 * size, 0.2 * size), (10, 2, 2))
+    scene = ts.Scene(gravity=(0, 0, -9.81))
+    scene.add_body(mesh, ts.ViscoElastic(young, 0.3, 1e-3 * young / size)).pin(CLAMP)
+    k = row(mesh.transformed(scale=1 / size), (1, 0.1, 0.1))
+    sag = (equilibrium(scene).positions - mesh.points)[k] / size
+    assert sag == pytest.approx([-0.03372279, 0.0, -0.24285602], abs=1e-8)
 
 
 @pytest.mark.slow

@@ -55,14 +55,14 @@ def balance_body(balance: Balance) -> Answer:
     """
     zero = np.zeros_like(balance.load)
     if not balance.free.any() or not (
-        balance.load[balance.free].any() or balance.start.any() or balance.place(1.0).any()
+        balance.load[balance.free].any() or balance.start.any() or balance.moves
     ):
         u = balance.place(1.0)
         r, reactions = balance.out_of_balance(u, 1.0)
         return Answer(Corrected(u, largest(r), reactions), 0, True)
     balance.check_holds()
-    solver = Solver(balance.elastic, balance.free)
-    solver.refresh(zero)
+    solver = Solver(balance)
+    solver.refresh(zero, 0.0)
     if solver.negative or _finds_mechanism(balance, solver):
         if balance.linear:
             raise no_equilibrium(
@@ -77,21 +77,24 @@ def balance_body(balance: Balance) -> Answer:
 def _finds_mechanism(balance: Balance, solver: Solver) -> bool:
     """Whether some of the load meets no stiffness at rest."""
     zero = np.zeros_like(balance.load)
-    right = _drive(balance, solver, zero, 0.0, 1.0)
+    right = _drive(balance, zero, 0.0, 0.0, 1.0)
     size = np.linalg.norm(right)
-    if size == 0.0 or not solver.factorises:
+    if size == 0.0:
         return False
-    d = solver.solve(zero, right, tolerance=1e-6)
+    d = solver.solve(zero, 0.0, right, tolerance=1e-6)
     left = right.ravel()[solver.free] - solver.times(d.ravel()[solver.free])
     return bool(np.linalg.norm(left) > INCONSISTENT * size)
 
 
-def _drive(balance: Balance, solver: Solver, u: Floats, factor: float, new_factor: float) -> Floats:
-    """Change of the forces on free axes [N] from one load factor to another, pins' motion too."""
-    change = balance.external(new_factor) - balance.external(factor)
+def _drive(balance: Balance, u: Floats, at: float, factor: float, new_factor: float) -> Floats:
+    """Change of the forces on free axes [N] from one load factor to another, pins' motion too, by
+    the loads and the tangent of the state u at load factor `at`.
+    """
+    change = balance.external(u, new_factor) - balance.external(u, factor)
     moved = balance.place(new_factor) - balance.place(factor)
     if moved.any():
-        change = change - solver.elastic.stiffness_times(moved, u)
+        balance.look(u, at)
+        change = change - balance.tangent_times(moved)
     return np.where(balance.free, change, 0.0)
 
 
@@ -99,18 +102,20 @@ def _follow(balance: Balance, solver: Solver) -> Answer:
     u = np.zeros_like(balance.load)
     state = Corrected(u, 0.0, u)
     factor, step = 0.0, 1.0
-    stable = True
+    stable, failed = True, False
     while factor < 1.0:
         new_factor = min(1.0, factor + step)
         if new_factor > 1.0 - 1e-9:
             new_factor = 1.0
         new = _step(balance, solver, state.u, factor, new_factor)
         if new is not None:
-            state, factor, step = new, new_factor, 2.0 * (new_factor - factor)
+            step = (new_factor - factor) * (1.0 if failed else 2.0)
+            state, factor, failed = new, new_factor, False
             stable = solver.negative == 0
             continue
+        failed = True
         step = 0.5 * (new_factor - factor)
-        solver.refresh(state.u)
+        solver.refresh(state.u, factor)
         if step < max(FIRST, SHORTEST * factor):
             raise no_equilibrium(
                 f"{balance.part.body.name!r} has no equilibrium that leads from rest to the full "
@@ -124,14 +129,16 @@ def _step(
     balance: Balance, solver: Solver, u: Floats, factor: float, new_factor: float
 ) -> Corrected | None:
     """The state at `new_factor` that the branch leads to, or None where the step is too long."""
-    ahead = solver.solve(u, _drive(balance, solver, u, factor, new_factor), tolerance=1e-6)
+    change = _drive(balance, u, factor, factor, new_factor)
+    ahead = solver.solve(u, factor, change, tolerance=1e-6)
     reach = float(np.abs(ahead).max())
     guess = u + ahead + (balance.place(new_factor) - balance.place(factor))
     new = correct(balance, solver, guess, new_factor, reach=2.0 * reach if reach else np.inf)
     if new is None or balance.linear:
         return new
-    solver.refresh(new.u)
-    behind = solver.solve(new.u, _drive(balance, solver, new.u, factor, new_factor), tolerance=1e-6)
+    solver.refresh(new.u, new_factor)
+    change = _drive(balance, new.u, new_factor, factor, new_factor)
+    behind = solver.solve(new.u, new_factor, change, tolerance=1e-6)
     way = np.where(balance.free, new.u - u, 0.0)
     gap = way - 0.5 * (ahead + behind)
     smooth = largest(gap) <= SMOOTH * largest(way) and np.linalg.norm(

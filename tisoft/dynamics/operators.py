@@ -20,6 +20,7 @@ from tisoft.models.laws import LINEAR, TENSOR, law_constants
 from tisoft.models.mass_spring import half_springs
 from tisoft.models.materials import SolidModel
 from tisoft.models.rows import SPRING_COLUMNS
+from tisoft.models.tets import gradients
 
 Floats = NDArray[np.float64]
 
@@ -50,6 +51,7 @@ class Elastic:
         self._make_arrays()
         self._launches: dict[int, Any] = {}
         self._pattern: assembly.Pattern | None = None
+        self._volumes: tuple[NDArray[np.int64], Floats, Floats] | None = None
 
     def _make_arrays(self) -> None:
         part = self.part
@@ -134,10 +136,17 @@ class Elastic:
         return assembly.deformation(self.part.gradient, self.part.tets, u)
 
     def least_volume_change(self, u: Floats) -> float:
-        """Smallest det F over the tets; inf without tets."""
-        if not len(self.part.tets):
+        """Smallest det F over the tets of the mesh, springs' too; inf without tets."""
+        mesh = self.part.body.mesh
+        if not len(mesh.tets):
             return float("inf")
-        return float(np.linalg.det(self.deformation(u)).min())
+        if len(self.part.tets):
+            return float(np.linalg.det(self.deformation(u)).min())
+        if self._volumes is None:
+            tets = self.part.rank[mesh.tets]
+            self._volumes = tets, *gradients(self.rest, tets)
+        F = assembly.deformation(self._volumes[1], self._volumes[0], u)
+        return float(np.linalg.det(F).min())
 
     @property
     def pattern(self) -> assembly.Pattern:

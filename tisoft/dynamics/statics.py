@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from tisoft import runtime
 from tisoft.checks import FieldError
-from tisoft.dynamics.balance import Balance
-from tisoft.dynamics.follow import balance_body
-from tisoft.dynamics.system import Part, parts_of
+from tisoft.dynamics.balance import ACCEPTED, Balance
+from tisoft.dynamics.follow import Answer, balance_body
+from tisoft.dynamics.system import parts_of
+from tisoft.errors import SceneError
 from tisoft.scene import Scene
 
 if TYPE_CHECKING:
@@ -47,10 +48,16 @@ class Equilibrium:
 
 
 def scene_of(scene: Scene | Simulation) -> Scene:
-    """The scene of a simulation, or the scene itself; Taichi is running afterwards."""
+    """The scene of a simulation, or the scene itself; Taichi is running afterwards.
+
+    Raises:
+        SceneError: where the arch in use does not compute in f64.
+    """
     found = scene if isinstance(scene, Scene) else scene.scene
     if not runtime.generation:
         runtime.start()
+    if not runtime.has_f64():
+        raise SceneError("statics and modes compute in f64, which this arch lacks; use --arch cpu")
     return found
 
 
@@ -74,6 +81,7 @@ def equilibrium(scene: Scene | Simulation, *, external: Any = None) -> Equilibri
     positions, reactions = np.zeros((count, 3)), np.zeros((count, 3))
     residual, iterations = 0.0, 0
     elastic, gravity, work = 0.0, 0.0, 0.0
+    follows = False
     warnings = []
     if scene.obstacles:
         warnings.append("static equilibrium leaves obstacles out: nodes may lie inside them")
@@ -81,7 +89,8 @@ def equilibrium(scene: Scene | Simulation, *, external: Any = None) -> Equilibri
         own = extra[part.nodes][part.order]
         weight = part.mass[:, None] * np.array(scene.gravity)
         balance = Balance(part, scene.duration, weight + own)
-        answer = balance_body(balance)
+        with np.errstate(over="ignore", invalid="ignore"):  # trials that fail may overflow
+            answer = balance_body(balance)
         u = answer.state.u
         positions[part.nodes][part.order] = part.body.mesh.points[part.order] + u
         reactions[part.nodes][part.order] = answer.state.reactions
@@ -89,14 +98,15 @@ def equilibrium(scene: Scene | Simulation, *, external: Any = None) -> Equilibri
         iterations += answer.iterations
         elastic += balance.elastic.energy(u)
         gravity -= float((weight * u).sum())
-        work += float((own * u).sum())
-        warnings += _warn(part, balance, u, answer.stable)
+        work += float(((balance.dead - weight) * u).sum())
+        follows |= bool(balance.followers)
+        warnings += _warn(balance, answer)
     energy: dict[str, float | None] = {
         "kinetic": 0.0,
         "elastic": elastic,
         "gravity": gravity,
         "dissipated": None,
-        "external_work": work,
+        "external_work": None if follows else work,  # theirs depends on the way
         "error": None,
     }
     return Equilibrium(positions, residual, 1.0, iterations, energy, reactions, warnings)
@@ -112,16 +122,23 @@ def _external(external: Any, count: int) -> Floats:
     return forces
 
 
-def _warn(part: Part, balance: Balance, u: Floats, stable: bool) -> list[str]:
-    name = part.body.name
+def _warn(balance: Balance, answer: Answer) -> list[str]:
+    name, state = balance.part.body.name, answer.state
     found = []
-    if not stable:
+    if not answer.stable:
         found.append(
             f"the equilibrium of {name!r} is unstable: it has buckled or would at the least push"
         )
-    if balance.linear and balance.elastic.least_volume_change(u) <= 0.0:
+    if balance.linear and balance.elastic.least_volume_change(state.u) <= 0.0:
         found.append(
             f"{name!r} is turned inside out somewhere: its displacements are far too large for a "
             "linear body; use viscoelastic or neo-hookean"
+        )
+    loads = np.linalg.norm(balance.external(state.u, 1.0), axis=1).sum()
+    whole = max(float(loads), balance.scale(state.u, 1.0, state.reactions))
+    if state.residual > ACCEPTED * whole:
+        found.append(
+            f"rounding leaves {state.residual:.3g} N on a node of {name!r}: its stiffness is too "
+            "large beside its load for more digits"
         )
     return found
