@@ -45,35 +45,52 @@ def test_frequencies_of_lumped_elements(mode, frequency):
     assert omega / (2 * np.pi) == pytest.approx(frequency, abs=6e-7)
 
 
-def _freed(n):
-    """End displacement over its start, after a pull at the end is let go at t = 0; (t, u)."""
-    step = 0.5 / (SPEED * n)  # half the critical step h = l/c
-    sim = _chain(n, h=step)
-    displaced(sim, 1e-4 * np.linspace(0, 1, n + 1)[:, None] * [1, 0, 0])
-    times, ends = [0.0], [1.0]
-    while times[-1] < 0.14:
+def _response(sim, unit, *, seconds):
+    """Times [s] and displacements of the end over the static one [m] after a step of force."""
+    times, ends = [0.0], [0.0]
+    while times[-1] < seconds:
         sim.step()
-        times.append(times[-1] + step)
-        ends.append((sim.positions()[-1, 0] - LENGTH) / 1e-4)
+        times.append(times[-1] + sim.scene.step)
+        ends.append((sim.positions()[:, 0].max() - LENGTH) / unit)
     return np.array(times), np.array(ends)
 
 
-@pytest.mark.parametrize(("n", "peak"), [(10, 1.954), (20, 1.970), (40, 1.979), (80, 1.987)])
-def test_step_force_at_the_end(n, peak):
-    """A step of force is the static pull less its sudden end: u/u_static = 1 − `_freed`.
-
-    It grows as F c t/(E A) until the wave is back at 2L/c, peaks near 2, and is 0 again at 4L/c.
-    """
-    times, ends = _freed(n)
-    response = 1 - ends
-    assert response.max() == pytest.approx(peak, abs=6e-4)
-    there_and_back = 2 * LENGTH / SPEED
-    assert abs(times[response.argmax()] - there_and_back) < LENGTH / n / SPEED
+def _check_wave(times, response, speed, element):
+    """Grows as F c t/(E A) until the wave is back at 2L/c, peaks near 2, is back at 4L/c."""
+    there_and_back = 2 * LENGTH / speed
+    assert abs(times[response.argmax()] - there_and_back) < element / speed
     ramp = times < 0.8 * there_and_back
-    assert response[ramp] == pytest.approx(SPEED * times[ramp], abs=0.75 / n)
+    assert response[ramp] == pytest.approx(speed * times[ramp] / LENGTH, abs=0.75 * element)
     back = np.argmin(np.abs(times - 2 * there_and_back))
     assert abs(response[back]) < 0.25
     assert 1.95 < response.max() < 2.05
+
+
+@pytest.mark.parametrize(("n", "peak"), [(10, 1.954), (20, 1.970), (40, 1.979), (80, 1.987)])
+def test_step_force_at_the_end_of_a_chain(n, peak):
+    sim = _chain(n, h=0.5 / (SPEED * n))  # half the critical step l/c
+    force = 100.0
+    sim.scene.bodies[0].load(where.nodes([n]), force=(force, 0, 0))
+    times, response = _response(sim, force * LENGTH / YOUNG, seconds=0.14)
+    assert response.max() == pytest.approx(peak, abs=6e-4)
+    _check_wave(times, response, SPEED, LENGTH / n)
+
+
+@pytest.mark.parametrize("poisson", [0.0, 0.3])
+def test_step_traction_on_a_confined_bar_of_tets(poisson):
+    """c = √(M/ρ) where u_y = u_z = 0: the P-wave."""
+    n, traction = 20, 10.0
+    lam, mu = lame(YOUNG, poisson)
+    speed = np.sqrt((lam + 2 * mu) / DENSITY)
+    mesh = ts.box(size=(LENGTH, 0.1, 0.1), cells=(n, 2, 2))
+    pins = [(CLAMPED, "xyz"), (where.everything(), "yz")]
+    model = ts.Linear(YOUNG, poisson, DENSITY)
+    sim = simulate((mesh, model), h=0.25 * LENGTH / n / speed, pins=pins)
+    end = where.box((LENGTH - 1e-9, -1, -1), (LENGTH + 1e-9, 1, 1))
+    sim.scene.bodies[0].load(end, traction=(traction, 0, 0))
+    seconds = 4.4 * LENGTH / speed
+    times, response = _response(sim, traction * LENGTH / (lam + 2 * mu), seconds=seconds)
+    _check_wave(times, response, speed, LENGTH / n)
 
 
 # -- the bar in tets --------------------------------------------------------------------------
