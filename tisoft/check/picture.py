@@ -19,7 +19,7 @@ from tisoft.observers.scenery import (
     with_bar,
 )
 from tisoft.render.colormap import colors_of
-from tisoft.render.items import Capsules, Item, Spheres
+from tisoft.render.items import Capsules, Item, Spheres, Surface
 from tisoft.render.overlay import ColorBar, draw_caption
 from tisoft.render.renderer import Renderer
 from tisoft.render.video import open_sink
@@ -70,6 +70,8 @@ def _mechanisms(sim: Simulation, rest: Floats, report: Report) -> list[Item]:
             items += _as_net(sim, number, moved, start)
         for item in plain:
             item.color = FAINT
+            if not isinstance(item, Surface):
+                item.radius *= 0.6  # inside the coloured ones, where nothing moves
         items += plain
         start = nodes.stop
     return items
