@@ -40,7 +40,8 @@ def held_axes(part: Part, time: float) -> NDArray[np.bool_]:
     for pin in part.body.pins:
         if pin.release is None or time < pin.release:
             inside = part.rank[part.body.nodes(pin.where)]
-            held[np.ix_(inside, ["xyz".index(axis) for axis in pin.axes])] = True
+            axes = np.array(["xyz".index(axis) for axis in pin.axes])
+            held[np.ix_(inside, axes)] = True
     return held
 
 
@@ -56,7 +57,7 @@ def pin_places(part: Part, time: float, factor: float) -> Floats:
             way = replace(pin.turn, rate=factor * pin.turn.rate).displacement(points, time)
         else:
             way = factor * pin.displacement(points, time)
-        axes = ["xyz".index(axis) for axis in pin.axes]
+        axes = np.array(["xyz".index(axis) for axis in pin.axes])
         moved = np.ix_(part.rank[rows], axes)
         # Of two pins that hold a node, one may be still: the moving one tells where it is.
         place[moved] = np.where(way[:, axes] != 0.0, way[:, axes], place[moved])

@@ -1,3 +1,4 @@
+# mypy: ignore-errors
 """Tangent stiffness of tets and springs, matrix-free, beside the force and energy it belongs to.
 
     K(u) w = −∂f/∂u · w,   f = −∂V/∂u
