@@ -17,7 +17,7 @@ pytestmark = pytest.mark.slow
 
 
 def cantilever(precision):
-    scene = ts.Scene(precision=precision, frame_rate=4.0)
+    scene = ts.Scene(precision=precision, frame_rate=20.0)
     beam = scene.add_body(ts.box((1.0, 0.2, 0.2), (10, 2, 2)), ts.ViscoElastic(1e6, 0.3, 1000.0))
     beam.pin(ts.where.box((-1e-6, -1, -1), (1e-6, 1, 1)))
     return scene
@@ -46,7 +46,7 @@ def test_undamped_cantilever_keeps_its_energy(precision):
 
 @pytest.mark.parametrize(("precision", "most"), [("f64", 1e-11), ("f32", 1e-3)])
 def test_free_spinning_brick_keeps_its_momenta(precision, most):
-    scene = ts.Scene(gravity=(0.0, 0.0, 0.0), precision=precision, frame_rate=4.0)
+    scene = ts.Scene(gravity=(0.0, 0.0, 0.0), precision=precision, frame_rate=20.0)
     brick = ts.box((1.0, 0.5, 0.5), (4, 2, 2))
     scene.add_body(brick, ts.ViscoElastic(1e5, 0.3, 1000.0), velocity=(1, 0, 0), spin=(0.5, 1, 3))
     sim = ts.Simulation(scene)

@@ -22,9 +22,10 @@ from tisoft.dynamics.flags import Flags
 from tisoft.dynamics.guard import MOST_TRIES, Guard, Recovery
 from tisoft.dynamics.hold import Holder
 from tisoft.dynamics.ledger import Ledger
-from tisoft.dynamics.loading import Loading
+from tisoft.dynamics.loading import Loading, external_forces
 from tisoft.dynamics.modes import Mass, Modes, natural_modes
 from tisoft.dynamics.obstacles import obstacle_kinds, obstacle_shapes
+from tisoft.dynamics.reactions import reactions
 from tisoft.dynamics.statics import Equilibrium, equilibrium
 from tisoft.dynamics.step_limit import StepLimit
 from tisoft.dynamics.stepper import Stepper
@@ -42,8 +43,9 @@ INTEGRATORS = {
 }
 
 
-LOOK = 32
-"""Substeps after which, at the latest, the stable step and the guard look at the bodies again."""
+LOOK, LOOK_WORK = 64, 30_000
+"""Substeps, or tet-substeps in small scenes, after which the stable step and the guard look at the
+bodies again even within a frame."""
 
 
 @dataclass(frozen=True)
@@ -140,12 +142,20 @@ class Simulation:
         runtime.write(self.system.u, u.astype(self.system.real))
         runtime.write(self.system.v, self._inside(new[1]).astype(self.system.real))
         self.limit.moved()
+        if self.guard is not None:
+            self.guard.forget()
         if self.ledger:  # a new state begins a new account
             self._ledger = Ledger(self.system, self._energies, self.scene.gravity)
 
     def forces(self, body: Body | None = None) -> Floats:
         """Elastic, viscous and spring forces [N] in the present state, shape (nodes, 3)."""
         return self._outside(self._forces.internal(), body)
+
+    def reactions(self, body: Body | None = None) -> Floats:
+        """Forces of pins on their nodes [N], 0 where nothing is held, shape (nodes, 3)."""
+        external = external_forces(self.parts, self.time, self.system.world())
+        force = reactions(self.system, self._forces.internal(), external, self.scene.gravity)
+        return self._outside(force, body)
 
     def energy(self) -> dict[str, float | None]:
         """Energies [J] in the present state; None for what is not measured.
@@ -158,6 +168,11 @@ class Simulation:
             return self._ledger.entries()
         table = self._energies.table(self.scene.gravity)
         return {**table, "dissipated": None, "external_work": None, "error": None}
+
+    @property
+    def account(self) -> Ledger | None:
+        """The ledger's book, where one is kept."""
+        return self._ledger
 
     @property
     def ledger(self) -> bool:
@@ -337,9 +352,10 @@ class Simulation:
         self._refresh()
         end = (self.frame + 1) / self.scene.frame_rate
         count, h = self.substeps_of(1.0 / self.scene.frame_rate)
-        while count > LOOK:
-            self._stretch(self.time + LOOK * h, LOOK, h)
-            count -= LOOK
+        look = max(LOOK, LOOK_WORK // max(1, self.system.tets))
+        while count > look:
+            self._stretch(self.time + look * h, look, h)
+            count -= look
             if self.scene.step == "auto" and self.limit.chosen(self.substeps) < h:
                 count, h = self.substeps_of(end - self.time)
         self._stretch(end, count, h)

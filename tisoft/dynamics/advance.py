@@ -102,6 +102,7 @@ def advance_kernel(real: Any) -> Any:
         last_pass: int,
         substeps: int,
         threads: int,
+        alone: ti.template(),
         laws: ti.template(),
         viscous: ti.template(),
         springs: ti.template(),
@@ -158,6 +159,8 @@ def advance_kernel(real: Any) -> Any:
         shape: A(),
         arrived: A(),
     ):
+        if ti.static(alone):  # on the caller's thread: a hand-over costs as much as a small frame
+            ti.loop_config(serialize=True)
         for item in range(threads * CHUNK):
             if item % CHUNK == 0:
                 t = item // CHUNK

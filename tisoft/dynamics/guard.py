@@ -53,6 +53,8 @@ class Guard:
         self.simulation = simulation
         self._saved: tuple[NDArray[Any], NDArray[Any]] | None = None
         self._saved_kinetic = 0.0
+        self._known: float | None = None
+        """Kinetic energy of the present state, where the last look told it."""
         self._mass = simulation.system.mass.astype(simulation.system.real)
 
     def save(self) -> None:
@@ -64,7 +66,8 @@ class Guard:
         else:
             np.copyto(self._saved[0], u)
             np.copyto(self._saved[1], v)
-        self._saved_kinetic = self._kinetic(v)
+        self._saved_kinetic = self._known if self._known is not None else self._kinetic(v)
+        self._known = None
 
     def restore(self) -> None:
         """Go back to the state of the last `save`."""
@@ -83,9 +86,14 @@ class Guard:
             highest = limit.accepted()
             if step > highest:
                 return f"the step is above {highest:.3g} s, the limit of the deformed state"
-            if kinetic <= GROWTH * self._saved_kinetic or self.simulation.is_driven():
-                return None
-            return self._energy_breach(step, kinetic)
+            grown = kinetic > GROWTH * self._saved_kinetic and not self.simulation.is_driven()
+            cause = self._energy_breach(step, kinetic) if grown else None
+        self._known = kinetic if cause is None else None
+        return cause
+
+    def forget(self) -> None:
+        """Say that the caller has set another state."""
+        self._known = None
 
     def _energy_breach(self, step: float, kinetic: float) -> str | None:
         system = self.simulation.system

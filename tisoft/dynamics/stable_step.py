@@ -129,6 +129,7 @@ def node_limits(
     laws: ti.template(),
     lanes: ti.template(),
     factor: ti.template(),
+    alone: ti.template(),
     law_starts: ti.types.ndarray(),
     nodes: ti.types.ndarray(),
     shapes: ti.types.ndarray(),
@@ -147,6 +148,8 @@ def node_limits(
     `modes` holds what bounds each tet, ω² and damping rate; nodes average it by volume.
     """
     for law in ti.static(laws):
+        if ti.static(alone):
+            ti.loop_config(serialize=True)
         for b in range(law_starts[law], law_starts[law + 1]):
             for lane in range(lanes):
                 omega2, rate = place_modes(
@@ -154,6 +157,8 @@ def node_limits(
                 )
                 modes[0, b, lane] = omega2
                 modes[1, b, lane] = rate
+    if ti.static(alone):
+        ti.loop_config(serialize=True)
     for i in range(limits.shape[0]):
         volume = 0.0 * shapes[0, 9, 0]
         omega2, rate = 0.0 * volume, 0.0 * volume

@@ -33,6 +33,8 @@ SPARE = 60
 three substeps): 5 % of the run."""
 PATIENCE = 2000
 """Substeps through which a longer step must have been allowed before it is taken."""
+SMALL = 2000
+"""Tets up to which one thread looks at them sooner than two can be called."""
 ROUNDING = 1.0 - 1e-5
 """The tets' limits are computed in f32 at the least; this keeps their rounding on the safe side."""
 
@@ -75,7 +77,8 @@ class StepLimit:
             self._limits = runtime.array(np.full(s.count, np.inf, s.real))
             if s.tets:
                 self._launch = runtime.bind(
-                    node_limits, s.all_laws, s.lanes, self.factor, s.law_starts, s.nodes, s.shapes,
+                    node_limits, s.all_laws, s.lanes, self.factor, s.tets < SMALL, s.law_starts,
+                    s.nodes, s.shapes,
                     s.owner, s.material, s.u, self._modes, self._now, s.body, s.starts, s.corners,
                     self._limits,
                 )  # fmt: skip

@@ -18,7 +18,7 @@ LAUNCH_WORK = 400_000
 """Tet-substeps per launch at the most, some 5 ms: Ctrl-C and a busy machine are felt soon."""
 SHORTEST = 8
 """Substeps per launch that are worth it for any scene."""
-TETS_PER_THREAD = 100
+TETS_PER_THREAD = 150
 TRIAL = 4
 """Substeps of the launch that tries several threads again."""
 LONGEST_WAIT = 4096
@@ -94,7 +94,7 @@ class Stepper:
             return
         kernel = advance_kernel(s.taichi_real)
         arguments = [
-            0, 0, 0, 1, s.laws, flags.viscous, s.springs > 0, s.tensors,
+            0, 0, 0, 1, self.pace.most == 1, s.laws, flags.viscous, s.springs > 0, s.tensors,
             ITERATIONS[s.precision] if s.consistent else 0, flags.loads, flags.pressure,
             flags.contact, flags.integrator, flags.ledger,
             self.params, s.u, s.v, s.half, s.rest, s.inverse_mass, s.body,
