@@ -9,7 +9,9 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import struct
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +40,10 @@ _CLASSES: dict[str, Any] = {
     }.items()
     for cls in classes
 }  # fmt: skip
+_DAMAGE = (
+    ArithmeticError, AttributeError, EOFError, LookupError, MemoryError, RuntimeError, TypeError,
+    ValueError, struct.error, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
 _NAMES = {cls: name for name, cls in _CLASSES.items()}
 
 
@@ -49,7 +55,7 @@ def write(path: str | os.PathLike[str], content: Any, arrays: dict[str, NDArray[
     """
     path = Path(path)
     store = dict(arrays)
-    text = json.dumps({"version": VERSION, "content": _plain(content, store)})
+    text = json.dumps({"version": VERSION, "content": plain(content, store)})
     store["json"] = np.frombuffer(text.encode(), np.uint8)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
@@ -59,8 +65,9 @@ def write(path: str | os.PathLike[str], content: Any, arrays: dict[str, NDArray[
             os.fsync(file.fileno())
         os.replace(temporary, path)
     except OSError as error:
-        temporary.unlink(missing_ok=True)
         raise SceneError(f"cannot write the checkpoint {path}: {error.strerror}") from None
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def read(path: str | os.PathLike[str]) -> tuple[Any, dict[str, NDArray[Any]]]:
@@ -79,12 +86,12 @@ def read(path: str | os.PathLike[str]) -> tuple[Any, dict[str, NDArray[Any]]]:
     except OSError as error:
         reason = error.strerror or "it is no checkpoint"
         raise SceneError(f"cannot read the checkpoint {path}: {reason}") from None
-    except (ValueError, KeyError, TypeError, zipfile.BadZipFile, EOFError):
+    except _DAMAGE:
         raise SceneError(f"{path} is damaged or no checkpoint; run the scene anew") from None
 
 
-def _plain(value: Any, store: dict[str, NDArray[Any]]) -> Any:
-    """A value as JSON; arrays go to the store."""
+def plain(value: Any, store: dict[str, NDArray[Any]]) -> Any:
+    """A value as JSON: scene dataclasses by name and fields; arrays go to the store."""
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if isinstance(value, np.generic):
@@ -94,13 +101,13 @@ def _plain(value: Any, store: dict[str, NDArray[Any]]) -> Any:
         store[name] = value
         return {"array": name}
     if isinstance(value, tuple):
-        return {"tuple": [_plain(item, store) for item in value]}
+        return {"tuple": [plain(item, store) for item in value]}
     if isinstance(value, list):
-        return [_plain(item, store) for item in value]
+        return [plain(item, store) for item in value]
     if isinstance(value, dict):
-        return {"dict": {key: _plain(item, store) for key, item in value.items()}}
+        return {"dict": {key: plain(item, store) for key, item in value.items()}}
     fields = {
-        field.name: _plain(getattr(value, field.name), store)
+        field.name: plain(getattr(value, field.name), store)
         for field in dataclasses.fields(value)
         if field.init
     }

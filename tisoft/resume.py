@@ -18,8 +18,10 @@ if TYPE_CHECKING:
 COUNTERS = ("time", "frame", "substeps", "wall_seconds", "compile_seconds", "start_seconds")
 
 
-def save(simulation: Simulation, path: str | os.PathLike[str]) -> None:
-    """Write the scene and the whole state of `simulation`."""
+def save(
+    simulation: Simulation, path: str | os.PathLike[str], *, notes: dict[str, Any] | None = None
+) -> None:
+    """Write the scene and the whole state of `simulation`, with a caller's notes (plain values)."""
     system = simulation.system
     numbers = {name: getattr(simulation, name) for name in COUNTERS}
     recoveries = [vars(recovery) for recovery in simulation.recoveries]
@@ -30,6 +32,8 @@ def save(simulation: Simulation, path: str | os.PathLike[str]) -> None:
         "numbers": numbers,
         "recoveries": recoveries,
         "limit": simulation.limit.state() if simulation.guard else None,
+        "ledger": simulation.account.state() if simulation.account else None,
+        "notes": notes,
     }
     arrays = {
         "u": runtime.read(system.u),
@@ -79,5 +83,8 @@ def put(simulation: Simulation, content: Any, arrays: dict[str, NDArray[Any]]) -
     simulation.recoveries = [Recovery(**recovery) for recovery in content["recoveries"]]
     if content["limit"] is not None:
         simulation.limit.set_state(content["limit"])
+    simulation.ledger = content["ledger"] is not None
+    if simulation.account is not None:
+        simulation.account.set_state(content["ledger"])
     simulation.limit.moved()
     simulation.place_obstacles()

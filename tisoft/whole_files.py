@@ -6,6 +6,7 @@ import errno
 import json
 import math
 import os
+import shutil
 import uuid
 from pathlib import Path
 from typing import IO, Any, Self
@@ -62,6 +63,21 @@ class WholeFile:
             self._file.write(text)
         except OSError as error:
             raise refusal(self.path, error) from None
+
+    def publish(self) -> None:
+        """Give what was written so far the file's name, whole; writing goes on."""
+        copy = self._part.with_suffix(".so_far.part")
+        try:
+            self._file.flush()
+            with self._part.open("rb") as source, copy.open("wb") as target:
+                shutil.copyfileobj(source, target)
+                target.flush()
+                os.fsync(target.fileno())
+            os.replace(copy, self.path)
+        except OSError as error:
+            raise refusal(self.path, error) from None
+        finally:
+            copy.unlink(missing_ok=True)
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         try:

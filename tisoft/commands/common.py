@@ -107,6 +107,8 @@ class Run:
         self.code = 0
         self.error: str | None = None
         self.seconds = 0.0
+        self.seconds_before = 0.0
+        """[s] that the part of the run before a checkpoint took."""
         self._warnings = warnings_of(sim.scene)
         self._stable_step = sim.limit.sharp()
         self._limiting = limiting_element(sim)
@@ -115,7 +117,7 @@ class Run:
     @contextmanager
     def ended(self) -> Iterator[None]:
         """Time what is inside, and note how it ends instead of raising."""
-        begun = time.perf_counter()
+        self._begun = time.perf_counter()
         try:
             yield
         except KeyboardInterrupt:
@@ -123,7 +125,11 @@ class Run:
         except Diverged as error:
             self.code, self.error = error.exit_code, str(error)
         finally:
-            self.seconds = time.perf_counter() - begun
+            self.seconds = self.elapsed()
+
+    def elapsed(self) -> float:
+        """Stepping so far [s], with what watched it."""
+        return self.seconds_before + time.perf_counter() - self._begun
 
     def result(self, **more: Any) -> dict[str, Any]:
         """The object of --json."""

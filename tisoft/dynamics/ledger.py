@@ -58,6 +58,15 @@ class Ledger:
         self.gravity = gravity
         self.external_work += self.stored() - before
 
+    def state(self) -> dict[str, float]:
+        """What a checkpoint keeps."""
+        return {key: getattr(self, key) for key in ("start", "dissipated", "external_work")}
+
+    def set_state(self, state: dict[str, float]) -> None:
+        """Go on from what `state` told."""
+        for key, value in state.items():
+            setattr(self, key, value)
+
     def entries(self) -> dict[str, float | None]:
         """The whole account [J]."""
         table = self.energies.table(self.gravity)

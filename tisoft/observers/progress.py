@@ -22,9 +22,11 @@ class Progress:
     def on_start(self, sim: Simulation) -> None:
         from tqdm import tqdm
 
+        self._first = sim.frame
         frames = round(sim.scene.duration * sim.scene.frame_rate)
         self._bar = tqdm(
             total=frames,
+            initial=sim.frame,
             desc=self.label,
             unit="frame",
             file=sys.stderr,
@@ -33,7 +35,7 @@ class Progress:
         )
 
     def on_frame(self, frame: Frame) -> None:
-        if frame.index:
+        if frame.index > self._first:
             self._bar.update()
 
     def on_end(self, sim: Simulation) -> None:
@@ -49,6 +51,8 @@ class Interruption:
 
     def __init__(self) -> None:
         self._asked = False
+        self.is_between_frames = False
+        """Whether the run ended by it, in a state that is whole."""
         self._before: Any = None
 
     def on_start(self, sim: Simulation) -> None:
@@ -62,6 +66,7 @@ class Interruption:
 
     def on_frame(self, frame: Frame) -> None:
         if self._asked:
+            self.is_between_frames = True
             raise KeyboardInterrupt
 
     def on_end(self, sim: Simulation) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 import re
 from pathlib import Path
 from typing import Any, Self
@@ -11,6 +12,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from tisoft.errors import SceneError
 from tisoft.geometry.files import write_vtu
 from tisoft.models.materials import MassSpring
 from tisoft.simulation import Frame, Simulation
@@ -28,13 +30,15 @@ def energies(sim: Simulation) -> dict[str, float | None]:
 class Table:
     """A CSV file with a row per frame, whole at the end of a `with` block.
 
-    `header` and `row` say what is in it.
+    `header` and `row` say what is in it.  With `goes_on` it starts with the rows of the file that
+    lies there, up to the simulation's present frame.
     """
 
     name = ""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *, goes_on: bool = False) -> None:
         self._file = WholeFile(folder / self.name)
+        self._goes_on = goes_on
 
     def header(self, sim: Simulation) -> list[str]:
         """Names of the columns after the time."""
@@ -49,7 +53,29 @@ class Table:
         return self
 
     def on_start(self, sim: Simulation) -> None:
-        self._write(["time", *self.header(sim)])
+        if self._goes_on:
+            for line in self._earlier(sim.frame):
+                self._file.write(line)
+        else:
+            self._write(["time", *self.header(sim)])
+
+    def _earlier(self, frame: int) -> list[str]:
+        """The header and the rows of the frames before `frame`."""
+        path = self._file.path
+        try:
+            with path.open(encoding="utf-8", newline="") as file:
+                lines = list(itertools.islice(file, 1 + frame))
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or "it is no text"
+            raise SceneError(f"{path} cannot be read: {reason}; run the scene anew") from None
+        if len(lines) <= frame or not lines[-1].endswith("\n"):
+            problem = f"{path} ends before frame {frame}, where the checkpoint is"
+            raise SceneError(f"{problem}; run the scene anew")
+        return lines
+
+    def publish(self) -> None:
+        """Put the rows so far into the file."""
+        self._file.publish()
 
     def on_frame(self, frame: Frame) -> None:
         self._write([frame.time, *self.row(frame.simulation)])
@@ -94,12 +120,14 @@ class EnergyTable(Table):
 class States:
     """Every n-th frame as frames/frame_00000.vtu and so on, and frames.pvd that lists them.
 
-    Used in a `with` block: the list is written at its end.
+    Used in a `with` block: the list is written at its end.  With `goes_on`, the frames before the
+    simulation's present one lie there already.
     """
 
-    def __init__(self, folder: Path, every: int) -> None:
+    def __init__(self, folder: Path, every: int, *, goes_on: bool = False) -> None:
         self.folder = folder
         self.every = every
+        self._goes_on = goes_on
         self._saved: list[tuple[float, str]] = []
         self._cells: dict[str, Any] = {}
 
@@ -117,11 +145,17 @@ class States:
             start += len(body.mesh.points)
         both = {"tets": np.concatenate(tets), "lines": np.concatenate(lines)}
         self._cells = {kind: rows for kind, rows in both.items() if len(rows)}
+        if self._goes_on:
+            for index in range(0, sim.frame, self.every):
+                path = self.folder / "frames" / frame_name(index)
+                if not path.is_file():
+                    raise SceneError(f"{path} is missing; run the scene anew")
+                self._saved.append((index / sim.scene.frame_rate, path.name))
 
     def on_frame(self, frame: Frame) -> None:
         if frame.index % self.every:
             return
-        name = f"frame_{frame.index:05d}.vtu"
+        name = frame_name(frame.index)
         data = {"velocity": frame.velocities()}
         path = self.folder / "frames" / name
         write_vtu(path, frame.positions(), point_data=data, **self._cells)
@@ -131,6 +165,14 @@ class States:
         """Write the list, and remove what an older run left in the folder."""
         if not ends_well(kind):
             return
+        self.publish()
+        names = {name for _, name in self._saved}
+        for old in (self.folder / "frames").iterdir():
+            if re.fullmatch(r"frame_\d{5,}\.vtu", old.name) and old.name not in names:
+                old.unlink()
+
+    def publish(self) -> None:
+        """Write the list of the frames so far."""
         rows = [
             f'    <DataSet timestep="{time!r}" file={quoteattr("frames/" + name)}/>'
             for time, name in self._saved
@@ -138,7 +180,8 @@ class States:
         head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>'
         text = "\n".join([head, *rows, "  </Collection>\n</VTKFile>\n"])
         write_text(self.folder / "frames.pvd", text)
-        names = {name for _, name in self._saved}
-        for old in (self.folder / "frames").iterdir():
-            if re.fullmatch(r"frame_\d{5,}\.vtu", old.name) and old.name not in names:
-                old.unlink()
+
+
+def frame_name(index: int) -> str:
+    """The file of a frame."""
+    return f"frame_{index:05d}.vtu"
