@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from typing import Any
 
 from tisoft import runtime, where
@@ -33,6 +34,8 @@ MODELS: dict[str, Model] = {
     "mass-spring": MassSpring(young=1e6, density=1000.0),
 }
 ROUNDS = 3
+SUBSTEPS = 64
+"""Substeps per call where the step is fixed."""
 
 
 def beam(size: str, model: str, *, precision: str = "f32") -> Scene:
@@ -77,8 +80,8 @@ def measure(
             sim.step().positions(scene.bodies[0])[-1]
         return sim.substeps - before
 
-    fixed = _rate(substeps, seconds)
-    followed = _rate(frames, seconds)
+    fixed = _rate(substeps, SUBSTEPS, seconds)
+    followed = _rate(frames, 1, seconds)
     return {
         "model": model,
         "size": size,
@@ -93,22 +96,16 @@ def measure(
     }
 
 
-def _rate(advance: Any, seconds: float) -> float:
-    """Substeps per second of wall time: the median of some rounds."""
-    count = 1
-    while True:
-        begun = time.perf_counter()
-        advance(count)
-        spent = time.perf_counter() - begun
-        if spent > seconds / 10.0:
-            break
-        count *= 2
-    count = max(1, round(count * seconds / ROUNDS / spent))
+def _rate(advance: Callable[[int], int], chunk: int, seconds: float) -> float:
+    """Substeps per second of wall time: the median of some rounds of calls advance(chunk)."""
+    advance(chunk)
     rates = []
     for _ in range(ROUNDS):
-        begun = time.perf_counter()
-        made = advance(count)
-        rates.append(made / (time.perf_counter() - begun))
+        made, spent, begun = 0, 0.0, time.perf_counter()
+        while spent < seconds / ROUNDS:
+            made += advance(chunk)
+            spent = time.perf_counter() - begun
+        rates.append(made / spent)
     return statistics.median(rates)
 
 
