@@ -88,12 +88,12 @@ def _render_of(options: argparse.Namespace, render: Render) -> Render:
         return dataclasses.replace(render, **changes)
 
 
-def simulation_of(scene: Scene, options: argparse.Namespace) -> Simulation:
+def simulation_of(scene: Scene, options: argparse.Namespace, *, ledger: bool = False) -> Simulation:
     """The running scene.  Everything that needs Taichi is imported here or later."""
     runtime.import_taichi()
     from tisoft.simulation import Simulation
 
-    return Simulation(scene, arch=options.arch)
+    return Simulation(scene, arch=options.arch, ledger=ledger)
 
 
 class Run:

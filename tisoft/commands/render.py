@@ -16,7 +16,9 @@ HELP = "simulate a scene and draw it, without a display"
 EXAMPLES = """examples:
   tisoft render beam.toml -o beam.mp4 --color stress
   tisoft render beam.toml -o beam.png               a picture of the end
-  tisoft render beam.toml -o pictures/              a folder of pictures"""
+  tisoft render beam.toml -o pictures/              a folder of pictures
+
+The scene runs twice: a first look, undrawn, fixes the view and the range of the colours."""
 
 
 def add(parser: argparse.ArgumentParser) -> None:

@@ -65,7 +65,9 @@ def execute(options: argparse.Namespace) -> int:
 
 def _run(options: argparse.Namespace, scene: Scene, folder: Path | None) -> int:
     """Run the scene into a folder that nobody else writes into now."""
-    run = common.Run(common.simulation_of(scene, options))
+    # The account is kept where energy.csv is written; it costs time.
+    sim = common.simulation_of(scene, options, ledger=folder is not None)
+    run = common.Run(sim)
 
     from tisoft.observers.progress import Interruption, Progress
 
