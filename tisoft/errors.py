@@ -25,3 +25,5 @@ class NoEquilibrium(TisoftError):
     """No static equilibrium was found on the branch followed from rest."""
 
     exit_code = 4
+    load_factor: float = 0.0
+    """Share of the load that still had an equilibrium."""

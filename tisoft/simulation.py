@@ -17,6 +17,7 @@ from tisoft import resume, runtime
 from tisoft.body import Body
 from tisoft.checks import FieldError
 from tisoft.dynamics import nodes
+from tisoft.dynamics.damping import damped_body
 from tisoft.dynamics.energy import Energies, Forces
 from tisoft.dynamics.flags import Flags
 from tisoft.dynamics.guard import MOST_TRIES, Guard, Recovery
@@ -104,9 +105,9 @@ class Simulation:
         self.steps: list[float] = []
         self.recoveries: list[Recovery] = []
         self.wall_seconds = 0.0
-        self.system = System(scene.bodies, self.precision)
+        self.system = System([damped_body(body) for body in scene.bodies], self.precision)
         self.limit = StepLimit(self.system, INTEGRATORS[scene.integrator])
-        self._models = [part.body.model for part in self.parts]
+        self._models = [body.model for body in scene.bodies]
         self._set_start()
         self.compile_seconds = 0.0
         guarded = certify and scene.integrator != "explicit-euler"
@@ -222,8 +223,8 @@ class Simulation:
 
     def part(self, body: Body) -> Part:
         """A body's share of the arrays; raises SceneError for a body of another scene."""
-        for part in self.parts:
-            if part.body is body:
+        for part, own in zip(self.parts, self.scene.bodies, strict=True):
+            if own is body:
                 return part
         raise FieldError("body", "is not in this simulation's scene", getattr(body, "name", body))
 
@@ -304,9 +305,11 @@ class Simulation:
 
     def _refresh(self) -> None:
         """Take over what the caller changed since the last frame."""
-        models = [part.body.model for part in self.parts]
+        models = [body.model for body in self.scene.bodies]
         if any(a is not b for a, b in zip(models, self._models, strict=True)):
             self._models = models
+            for part, body in zip(self.parts, self.scene.bodies, strict=True):
+                part.body = damped_body(body)
             self.system.reread_springs()
             table = self.system.material_table().astype(self.system.real)
             runtime.write(self.system.material, table)

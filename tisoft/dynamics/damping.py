@@ -42,6 +42,13 @@ def resolve_damping(scene: Scene) -> list[Model]:
     return models
 
 
+def damped_body(body: Body) -> Body:
+    """The body itself, or where it has a damping ratio a copy with viscosity in its place; pins and
+    loads stay the body's own.
+    """
+    return body if body.model.damping_ratio is None else replace_model(body, damped_model(body))
+
+
 def damped_model(body: Body) -> Model:
     """The body's model with its damping ratio turned into viscosity."""
     model = body.model

@@ -33,6 +33,18 @@ UNEXPLAINED = 0.5
 """Share of the kinetic energy that may come from nowhere: the ledger's own swing stays below."""
 
 
+ROUNDING = 1e-6
+"""Share of the elastic and gravity energy below which growth is the rounding of a body at rest."""
+
+
+@dataclass(frozen=True)
+class _Shadow:
+    """H̃ and the size of the potential energies in it [J]."""
+
+    total: float
+    scale: float
+
+
 @dataclass(frozen=True)
 class Recovery:
     """One frame taken back and repeated."""
@@ -103,15 +115,15 @@ class Guard:
         old = self._shadow_energy(step)
         runtime.write(system.u, u)
         runtime.write(system.v, v)
-        if new - old <= UNEXPLAINED * kinetic:
+        if new.total - old.total <= max(UNEXPLAINED * kinetic, ROUNDING * new.scale):
             return None
-        return f"the energy grew by {new - old:.3g} J that no work explains"
+        return f"the energy grew by {new.total - old.total:.3g} J that no work explains"
 
     def _kinetic(self, v: NDArray[Any]) -> float:
         return 0.5 * float((v * v).sum(axis=1) @ self._mass)
 
-    def _shadow_energy(self, step: float) -> float:
-        """H̃ [J] of the present state."""
+    def _shadow_energy(self, step: float) -> _Shadow:
+        """H̃ of the present state."""
         simulation = self.simulation
         energy = simulation.energy()
         total = sum(energy[key] or 0.0 for key in ("kinetic", "elastic", "gravity"))
@@ -119,4 +131,5 @@ class Guard:
         f = simulation.forces()
         masses = simulation.masses()
         f += masses[:, None] * np.asarray(simulation.scene.gravity)
-        return float(total + 0.5 * step * np.einsum("ij,ij->", v, f))
+        scale = sum(abs(energy[key] or 0.0) for key in ("elastic", "gravity"))
+        return _Shadow(float(total + 0.5 * step * np.einsum("ij,ij->", v, f)), scale)

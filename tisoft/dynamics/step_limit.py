@@ -93,8 +93,9 @@ class StepLimit:
         self._window_start, self._window_least = 0, np.inf
         self._bound = None
         self.springs = [self._spring_limits(part) for part in s.parts]
-        still = [*self.springs, *(self.tensor_limits(p) for p in s.parts if p.is_tensor)]
-        self.spring_step = min((float(a.min()) for a in still if len(a)), default=np.inf)
+        self.spring_step = min((float(a.min()) for a in self.springs if len(a)), default=np.inf)
+        still = [float(self.tensor_limits(p).min()) for p in s.parts if p.is_tensor]
+        self._still_step = min(still, default=np.inf)
 
     def _tets_at_rest(self) -> float:
         """The tets' bound with every node at its rest point [s]."""
@@ -123,18 +124,18 @@ class StepLimit:
         """A step [s] that is never above the limit, in the present state."""
         if self._bound is None:
             self.follow()
-            self._bound = min(float(runtime.read(self._limits).min()) * ROUNDING, self.spring_step)
-        return self._bound
+            self._bound = float(runtime.read(self._limits).min()) * ROUNDING
+        return min(self._bound, self._still_step, self.spring_step)
 
     def moved(self) -> None:
         """Say that the state is another one now."""
         if self._moves:
             self._bound = None
 
-    def _look(self, u: NDArray[np.float64] | None) -> tuple[float, int]:
-        """The sharp limit [s] at displacements u, or at rest, and the products it took."""
+    def _look(self, parts: list[Part], u: NDArray[np.float64] | None) -> tuple[float, int]:
+        """The parts' sharp limit [s] at displacements u, or at rest, and the products it took."""
         step, products = np.inf, 0
-        for part in self.system.parts:
+        for part in parts:
             if part.index not in self._elastic:
                 self._elastic[part.index] = Elastic(part)
             found = sharp_limit(
@@ -147,16 +148,23 @@ class StepLimit:
         return step, products
 
     @cached_property
-    def _sharp(self) -> float:
-        return max(self.rest_bound(), self._look(None)[0])
+    def _sharp(self) -> tuple[float, float]:
+        """The sharp limits at rest of the solids and of the springs [s]."""
+        solids = max(min(self._rest_bound, self._still_step), self._look(self._solids, None)[0])
+        nets = [part for part in self.system.parts if part.is_springs]
+        return solids, max(self.spring_step, self._look(nets, None)[0])
+
+    @property
+    def _solids(self) -> list[Part]:
+        return [part for part in self.system.parts if not part.is_springs]
 
     def sharp(self) -> float:
         """The stable limit at rest [s], damping included: never above the true one, within 1 %."""
-        return self._sharp
+        return min(self._sharp)
 
     def rest_bound(self) -> float:
         """The guaranteed bound at rest [s]."""
-        return min(self._rest_bound, self.spring_step)
+        return min(self._rest_bound, self._still_step, self.spring_step)
 
     def chosen(self, substeps: int) -> float:
         """The step [s] that "auto" takes in the present state, after `substeps` of the run.
@@ -165,7 +173,7 @@ class StepLimit:
         the last PATIENCE substeps.  Symplectic Euler conserves an energy that depends on the step:
         one that followed each swing of a body would pump energy into it.
         """
-        allowed = self._allowed(substeps)
+        allowed = min(self._allowed(substeps), self.spring_step * ROUNDING)
         if substeps - self._window_start >= PATIENCE:
             self._held = self._window_least
             self._window_start, self._window_least = substeps, np.inf
@@ -174,26 +182,36 @@ class StepLimit:
         return self._held
 
     def _allowed(self, substeps: int) -> float:
-        """The step [s] that the present state allows.
+        """The step [s] that the solids' present state allows; springs have their bound, which holds
+        in every state: a net whose springs line up is stiffer than at rest.
 
         Where the bound is near that of the last sharp limit, it is SHARE of that, in proportion;
         elsewhere the bound itself, with room to stiffen within a frame.  Now and then, as often as
         SPARE allows, the limit is sharpened in the present state.
         """
+        bound = self._solid_bound()
+        if not np.isfinite(bound):
+            return np.inf
         if self._reference is None:
-            self._reference = (self.sharp(), self.rest_bound())
-        bound = self.bound()
+            self._reference = (self._sharp[0], min(self._rest_bound, self._still_step))
         if self._has_drifted(bound) and substeps >= self._next_look:
             u = np.array(runtime.read(self.system.u), np.float64)
             for part in self.system.parts:
                 u[part.nodes] += part.shift
-            sharp, products = self._look(u)
+            sharp, products = self._look(self._solids, u)
             self._reference = (max(sharp, bound), bound)
             self._next_look = substeps + SPARE * products
         sharp, reference = self._reference
         if self._has_drifted(bound):
             return SAFETY * bound
         return max(SHARE * sharp * min(1.0, bound / reference), SAFETY * bound)
+
+    def _solid_bound(self) -> float:
+        """The bound of the tets alone, in the present state [s]."""
+        self.bound()
+        assert self._bound is not None
+        least = min(self._bound, self._still_step)
+        return least if self._solids else np.inf
 
     def _has_drifted(self, bound: float) -> bool:
         assert self._reference is not None
@@ -203,14 +221,17 @@ class StepLimit:
         """The longest step [s] with which a frame may have come to the present state."""
         if not self._moves:
             return np.inf
-        sharp, bound = self._reference or (self.sharp(), self.rest_bound())
-        return self.bound() * sharp / bound
+        sharp, bound = self._reference or (
+            self._sharp[0],
+            min(self._rest_bound, self._still_step),
+        )
+        return self._solid_bound() * sharp / bound
 
-    def state(self) -> dict[str, float | int | None]:
+    def state(self) -> dict[str, Any]:
         """What a checkpoint keeps, so that the same bits follow."""
         sharp, bound = self._reference or (None, None)
         return {
-            "rest": self.sharp(),
+            "rest": self._sharp,
             "sharp": sharp,
             "bound": bound,
             "next": self._next_look,
@@ -221,7 +242,7 @@ class StepLimit:
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Go on from what `state` told."""
-        self.__dict__["_sharp"] = state["rest"]
+        self.__dict__["_sharp"] = tuple(state["rest"])
         if state["sharp"] is not None:
             self._reference = (state["sharp"], state["bound"])
         self._next_look, self._held = state["next"], state["held"]
