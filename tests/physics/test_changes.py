@@ -8,6 +8,7 @@ from beams import CLAMPED, beam, rubber, simulate
 
 import tisoft as ts
 from tisoft import where
+from tisoft.checks import FieldError
 from tisoft.simulation import Simulation
 
 G = (0.0, 0.0, -9.81)
@@ -23,8 +24,15 @@ CHANGES = {
     "viscous": (rubber(), rubber(), {"phi": 50.0, "eta": 50.0}),
     "not viscous": (rubber(phi=50.0, eta=50.0), rubber(), {}),
     "dragged": (rubber(), rubber(), {"point_damping": 5.0}),
+    "heavier": (rubber(), rubber(), {"density": 3000.0}),
+    "heavier, consistent": (
+        rubber(mass="consistent"),
+        rubber(mass="consistent"),
+        {"density": 3000.0},
+    ),
     "mass-tensor": (rubber(ts.MassTensor), rubber(ts.MassTensor), {"young": 5e5, "eta": 30.0}),
     "springs": (_springs(), _springs(), {"young": 5e5, "spring_damping": 2.0}),
+    "heavier springs": (_springs(), _springs(), {"density": 3000.0}),
 }
 
 
@@ -45,6 +53,25 @@ def test_changed_material(name):
     assert np.abs(sim.positions() - anew.positions()).max() < 1e-12
     assert sim.energy()["elastic"] == pytest.approx(anew.energy()["elastic"], rel=1e-9)
     assert sim.stable_step() == pytest.approx(anew.stable_step(), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        (rubber(), rubber(ts.NeoHookean)),
+        (rubber(), rubber(mass="consistent")),
+        (rubber(ts.Linear), rubber(ts.MassTensor)),
+        (rubber(), _springs()),
+        (_springs(), rubber()),
+        (_springs(), _springs(springs=[[0, 1], [1, 2]])),
+    ],
+)
+def test_another_kind_of_model_is_refused(first, second):
+    sim = simulate((beam(), first), **KEYS)
+    sim.step()
+    sim.scene.bodies[0].model = second
+    with pytest.raises(FieldError, match=r"body\[0\].model .*make a new Simulation"):
+        sim.step()
 
 
 def test_changed_gravity():

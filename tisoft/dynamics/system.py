@@ -68,6 +68,8 @@ class Part:
     spring_numbers: Floats = field(default_factory=lambda: np.empty((0, 3)))
     """k [N/m], L₀ [m], c [N·s/m] of each spring."""
     shift: Floats = field(default_factory=lambda: np.zeros(3))
+    kind: tuple[int, str] | None = None
+    """Law and mass that the arrays were built for; None for springs."""
 
     @cached_property
     def size(self) -> float:
@@ -138,7 +140,29 @@ def _number_tets(part: Part) -> None:
     part.tets = part.rank[mesh.tets[part.tet_order]].astype(np.int32)
     part.gradient, part.volume = gradients(mesh.points - part.center, mesh.tets[part.tet_order])
     assert isinstance(model, SolidModel)
+    part.kind = (law_of(model), model.mass)
+    _weigh_tets(part)
+
+
+def _weigh_tets(part: Part) -> None:
+    model = part.body.model
+    assert isinstance(model, SolidModel)
     part.mass = lumped_masses(part.tets, part.volume, model.density, len(part.order))
+
+
+def _check_kind(part: Part) -> None:
+    """A running simulation takes over numbers of a model, not another law, mass or network."""
+    model = part.body.model
+    if part.kind is None:
+        same = part.is_springs and np.array_equal(part.rank[part.body.springs()], part.springs)
+    else:
+        same = isinstance(model, SolidModel) and part.kind == (law_of(model), model.mass)
+    if not same:
+        problem = (
+            "cannot become another kind of model, mass or network while it runs; "
+            "make a new Simulation and set_state"
+        )
+        raise FieldError(f"body[{part.index}].model", problem, type(model).__name__)
 
 
 def _check_mass(part: Part) -> None:
@@ -239,11 +263,32 @@ class System:
         self.write_springs()
 
     def reread_springs(self) -> None:
-        """Take stiffness, rest length and damping anew from the bodies' models."""
+        """Take stiffness, rest length, damping and masses anew from the bodies' models.
+
+        Raises:
+            FieldError: a model that needs other arrays than those the simulation was built with.
+        """
         for part in self.parts:
+            _check_kind(part)
             if part.is_springs:
-                part.spring_numbers = spring_numbers(network(part.body))
+                net = network(part.body)
+                part.spring_numbers = spring_numbers(net)
+                part.mass = net.masses[part.order]
+            else:
+                _weigh_tets(part)
         self.write_springs()
+        self._write_mass()
+
+    def _write_mass(self) -> None:
+        """Fill the arrays of masses from the parts' (after a density changed)."""
+        self.mass[:] = np.concatenate([p.mass for p in self.parts])
+        runtime.write(self.inverse_mass, (1.0 / self.mass).astype(self.real))
+        diagonal = self.mass
+        if self.consistent:
+            rows, columns, values = self._mass_rows()
+            runtime.write(self.mass_entries, values.astype(self.real))
+            diagonal = values[rows == columns]
+        runtime.write(self.diagonal, diagonal.astype(self.real))
 
     def write_springs(self) -> None:
         """Fill the springs' rows from the parts' numbers (after a material changed)."""
@@ -285,17 +330,11 @@ class System:
     def _make_mass(self) -> None:
         """Rows of the consistent mass matrix; one entry for nodes of lumped bodies."""
         self.consistent = any(part.is_consistent for part in self.parts)
-        entries = [_mass_entries(part) for part in self.parts] if self.consistent else []
-        rows = _join([e[0] for e in entries], (0,)).astype(np.int64)
-        values = _join([e[2] for e in entries], (1,))
+        rows, columns, values = self._mass_rows()
         self.mass_starts = self._array(row_starts(rows, self.count), np.int32)
-        self.mass_ends = self._array(_join([e[1] for e in entries], (1,)), np.int32)
+        self.mass_ends = self._array(columns, np.int32)
         self.mass_entries = self._array(values)
-        diagonal = self.mass.copy()
-        if self.consistent:
-            own = rows == _join([e[1] for e in entries], (0,))
-            diagonal = values[own]
-        self.diagonal = self._array(diagonal)
+        self.diagonal = self._array(values[rows == columns] if self.consistent else self.mass)
         shape = (self.count if self.consistent else 1, 3)
         self.acceleration = self._array(np.zeros(shape))
         self.residual = self._array(np.zeros(shape))
@@ -323,6 +362,12 @@ class System:
     def clear_work(self) -> None:
         """Begin a frame's ledger."""
         runtime.write(self.work, np.zeros((self.count, 2)))
+
+    def _mass_rows(self) -> tuple[NDArray[np.int64], NDArray[Any], Floats]:
+        """Rows, columns and entries [kg] of the consistent mass matrix; nothing where all lump."""
+        entries = [_mass_entries(part) for part in self.parts] if self.consistent else []
+        rows = _join([e[0] for e in entries], (0,)).astype(np.int64)
+        return rows, _join([e[1] for e in entries], (1,)), _join([e[2] for e in entries], (1,))
 
     def material_table(self) -> Floats:
         """λ', μ' of the law, φ, η [Pa, Pa·s] and point damping [1/s], shape (bodies, 5)."""
