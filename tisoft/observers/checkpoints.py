@@ -33,6 +33,7 @@ _KEYS = {
     "pins": "pin",
     "loads": "load",
 }
+_MESHES = ("TetMesh", "SpringNet")
 _LEFTOVER = re.compile(
     r"\.(probes\.csv|energy\.csv|summary\.json|frames\.pvd|checkpoint\.npz|frame_\d+\.vtu)"
     r"\.\w+(\.so_far)?\.part"
@@ -201,7 +202,7 @@ def _members(old: Any, new: Any) -> Iterator[tuple[str, Any, Any]]:
     if isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
         yield from zip((f"[{i}]" for i in range(len(old))), old, new, strict=True)
     elif isinstance(old, dict) and isinstance(new, dict) and old.keys() == new.keys():
-        if "fields" in old and old["type"] == new["type"] and "Mesh" not in old["type"]:
+        if "fields" in old and old["type"] == new["type"] and old["type"] not in _MESHES:
             for key, before in old["fields"].items():
                 now = new["fields"].get(key)
                 flat = key == "model" and before["type"] == now["type"]
