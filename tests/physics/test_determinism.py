@@ -55,10 +55,7 @@ CASES = [(name, precision) for name in SCENES for precision in ("f32", "f64")]
 
 @pytest.mark.parametrize(
     ("name", "precision"),
-    [
-        pytest.param(*case, marks=[pytest.mark.slow] if case == ("all", "f64") else [])
-        for case in CASES
-    ],
+    [pytest.param(*case, marks=[pytest.mark.slow] if case[0] == "all" else []) for case in CASES],
 )
 def test_same_bits_from_run_to_run_and_for_any_threads(name, precision):
     obstacles = [BALL] if name in ON_A_BALL else []
