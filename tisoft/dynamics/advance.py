@@ -49,12 +49,17 @@ def batch_forces(
     u: ti.template(),
     v: ti.template(),
     slots: ti.template(),
+    apart: ti.template(),
+    still_slots: ti.template(),
 ):
-    """Corner forces [N] of the LANES tets of batch b into their slots."""
+    """Corner forces [N] of the LANES tets of batch b into their slots; where they are to be told
+    `apart`, those without viscosity into `still_slots`.
+    """
     ul = ti.Matrix.zero(real, 12, LANES)
     vl = ti.Matrix.zero(real, 12, LANES)
     rest = ti.Matrix.zero(real, 10, LANES)
     out = ti.Matrix.zero(real, 12, LANES)
+    still = ti.Matrix.zero(real, 12, LANES)
     for k in ti.static(range(10)):
         row = shapes[b, k]
         for lane in ti.static(range(LANES)):
@@ -86,8 +91,17 @@ def batch_forces(
             out[d, lane] = -(f[d, 0] + f[d, 1] + f[d, 2])
             for c in ti.static(range(3)):
                 out[3 * c + 3 + d, lane] = f[d, c]
+        if ti.static(apart):
+            g = -rest[9, lane] * (stress(law, False, H, D, lam, mu, phi, eta) @ N.transpose())
+            for d in ti.static(range(3)):
+                still[d, lane] = -(g[d, 0] + g[d, 1] + g[d, 2])
+                for c in ti.static(range(3)):
+                    still[3 * c + 3 + d, lane] = g[d, c]
     for k in range(12):  # a run-time row keeps `out` in memory, and so the loop above vectorised
         slots[b, k] = ti.Vector([out[k, lane] for lane in ti.static(range(LANES))])
+    if ti.static(apart):
+        for k in range(12):
+            still_slots[b, k] = ti.Vector([still[k, lane] for lane in ti.static(range(LANES))])
 
 
 @functools.cache
@@ -176,13 +190,9 @@ def advance_kernel(real: Any) -> Any:
                         high = law_starts[law] + size * (t + 1) // threads
                         for b in range(low, high):
                             batch_forces(
-                                b, law, viscous, real, nodes, shapes, owner, material, u, v, slots
+                                b, law, viscous, real, nodes, shapes, owner, material, u, v, slots,
+                                ti.static(ledger and viscous), still_slots,
                             )
-                            if ti.static(ledger and viscous):
-                                batch_forces(
-                                    b, law, False, real, nodes, shapes, owner, material, u, v,
-                                    still_slots,
-                                )
                     if ti.static(springs or tensors):
                         for i in range(first, last):
                             f = row_force(
@@ -239,12 +249,12 @@ def advance_kernel(real: Any) -> Any:
                             )
                         elif ti.static(ledger):
                             move_and_book(
-                                i, a, s < substeps, s > 0, h, integrator, contact, rest, u, v,
+                                i, a, f, s < substeps, s > 0, h, integrator, contact, rest, u, v,
                                 half, body[i], held, drive, kind, shape,
                                 viscous, ti.static(len(laws) > 0), ti.static(springs or tensors),
                                 loads, pressure, LANES,
-                                gravity, inverse_mass, material, starts, corners, flat, still_flat,
-                                force, still, load, pressed, work,
+                                gravity, inverse_mass, material, starts, corners, still_flat,
+                                still, load, pressed, work,
                             )
                         else:
                             move_node(
@@ -273,13 +283,19 @@ def advance_kernel(real: Any) -> Any:
                                 [acceleration[i, 0], acceleration[i, 1], acceleration[i, 2]]
                             )
                             if ti.static(ledger):
+                                f = node_force(
+                                    i, ti.static(len(laws) > 0), ti.static(springs or tensors),
+                                    loads, starts, corners, flat, LANES, force, load,
+                                )
+                                if ti.static(pressure):
+                                    f += ti.Vector([pressed[i, 0], pressed[i, 1], pressed[i, 2]])
                                 move_and_book(
-                                    i, a, s < substeps, s > 0, h, integrator, contact, rest, u, v,
-                                    half, body[i], held, drive, kind, shape,
+                                    i, a, f, s < substeps, s > 0, h, integrator, contact, rest, u,
+                                    v, half, body[i], held, drive, kind, shape,
                                     viscous, ti.static(len(laws) > 0),
                                     ti.static(springs or tensors), loads, pressure, LANES, gravity,
-                                    inverse_mass, material, starts, corners, flat, still_flat,
-                                    force, still, load, pressed, work,
+                                    inverse_mass, material, starts, corners, still_flat, still,
+                                    load, pressed, work,
                                 )
                             else:
                                 move_node(

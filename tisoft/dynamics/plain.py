@@ -96,6 +96,18 @@ def pressure_forces(starts: A(), ends: A(), data: A(), u: A(), pressed: A()):
 
 
 @ti.func
+def total_force(i, tets: ti.template(), rows: ti.template(), loads: ti.template(),
+                pressure: ti.template(), lanes: ti.template(), force: ti.template(),
+                load: ti.template(), pressed: ti.template(), starts: ti.template(),
+                corners: ti.template(), slots: ti.template()):
+    """Force of elements and loads on node i [N]."""
+    f = node_force(i, tets, rows, loads, starts, corners, slots, lanes, force, load)
+    if ti.static(pressure):
+        f += ti.Vector([pressed[i, 0], pressed[i, 1], pressed[i, 2]])
+    return f
+
+
+@ti.func
 def node_acceleration(i, tets: ti.template(), rows: ti.template(), loads: ti.template(),
                       pressure: ti.template(), lanes: ti.template(), params: ti.template(),
                       v: ti.template(), inverse_mass: ti.template(), body: ti.template(),
@@ -103,9 +115,9 @@ def node_acceleration(i, tets: ti.template(), rows: ti.template(), loads: ti.tem
                       pressed: ti.template(), starts: ti.template(), corners: ti.template(),
                       slots: ti.template()):
     """f/m + g − (point damping) v of node i [m/s²], m the lumped mass."""
-    f = node_force(i, tets, rows, loads, starts, corners, slots, lanes, force, load)
-    if ti.static(pressure):
-        f += ti.Vector([pressed[i, 0], pressed[i, 1], pressed[i, 2]])
+    f = total_force(
+        i, tets, rows, loads, pressure, lanes, force, load, pressed, starts, corners, slots
+    )
     a = f * inverse_mass[i] + ti.Vector([params[1], params[2], params[3]])
     for c in ti.static(range(3)):
         a[c] -= material[body[i], 4] * v[i, c]
@@ -151,11 +163,14 @@ def move(
 ):
     """Integrate and hold node i, with its entries in the ledger where there is one."""
     if ti.static(ledger):
+        f = total_force(
+            i, tets, rows, loads, pressure, lanes, force, load, pressed, starts, corners, slots
+        )
         move_and_book(
-            i, a, opens, closes, params[0], integrator, contact, rest, u, v, half, body[i], held,
+            i, a, f, opens, closes, params[0], integrator, contact, rest, u, v, half, body[i], held,
             drive, kind, shape, viscous, tets, rows, loads, pressure, lanes,
             ti.Vector([params[1], params[2], params[3]]), inverse_mass, material, starts, corners,
-            slots, still_slots, force, still, load, pressed, work,
+            still_slots, still, load, pressed, work,
         )
     else:
         move_node(

@@ -58,28 +58,27 @@ def note_work(i, mass, kick, before, after, jump, way, shift, held, kept, lost, 
 
 @ti.func
 def move_and_book(
-    i, a, opens, closes, h, integrator: ti.template(), contact: ti.template(), rest: ti.template(),
-    u: ti.template(), v: ti.template(), half: ti.template(), body, held: ti.template(),
-    drive: ti.template(), kind: ti.template(), shape: ti.template(),
+    i, a, f, opens, closes, h, integrator: ti.template(), contact: ti.template(),
+    rest: ti.template(), u: ti.template(), v: ti.template(), half: ti.template(), body,
+    held: ti.template(), drive: ti.template(), kind: ti.template(), shape: ti.template(),
     viscous: ti.template(), tets: ti.template(), rows: ti.template(), loads: ti.template(),
     pressure: ti.template(), lanes: ti.template(), gravity, inverse_mass: ti.template(),
-    material: ti.template(), starts: ti.template(), corners: ti.template(), slots: ti.template(),
-    still_slots: ti.template(), force: ti.template(), still: ti.template(), load: ti.template(),
+    material: ti.template(), starts: ti.template(), corners: ti.template(),
+    still_slots: ti.template(), still: ti.template(), load: ti.template(),
     pressed: ti.template(), work: ti.template(),
 ):
-    """`move_node`, and its entries in the ledger."""
+    """`move_node`, and its entries in the ledger; f is the force of elements and loads [N]."""
     mass = 1.0 / inverse_mass[i]
-    f = node_force(i, tets, rows, False, starts, corners, slots, lanes, force, load)
-    kept, lost = split_force(
-        i, f, mass, material[body, 4], gravity, viscous, tets, rows, starts, corners, still_slots,
-        lanes, still, v,
-    )
     push = 0.0 * f
     for c in ti.static(range(3)):
         if ti.static(loads):
             push[c] += load[i, c]
         if ti.static(pressure):
             push[c] += pressed[i, c]
+    kept, lost = split_force(
+        i, f - push, mass, material[body, 4], gravity, viscous, tets, rows, starts, corners,
+        still_slots, lanes, still, v,
+    )
     kick, before, after, jump, way, shift = move_node(
         i, a, opens, closes, h, integrator, contact, rest, u, v, half, body, held, drive, kind,
         shape,

@@ -10,11 +10,8 @@ from pathlib import Path
 from typing import Any, Self
 from xml.sax.saxutils import quoteattr
 
-import numpy as np
-
 from tisoft.errors import SceneError
-from tisoft.geometry.files import write_vtu
-from tisoft.models.materials import MassSpring
+from tisoft.observers.vtu import StateFiles
 from tisoft.simulation import Frame, Simulation
 from tisoft.whole_files import WholeFile, ends_well, make_folder, write_text
 
@@ -129,22 +126,14 @@ class States:
         self.every = every
         self._goes_on = goes_on
         self._saved: list[tuple[float, str]] = []
-        self._cells: dict[str, Any] = {}
+        self._files: StateFiles | None = None
 
     def __enter__(self) -> Self:
         make_folder(self.folder / "frames")
         return self
 
     def on_start(self, sim: Simulation) -> None:
-        start, tets, lines = 0, [np.empty((0, 4), int)], [np.empty((0, 2), int)]
-        for body in sim.scene.bodies:
-            if isinstance(body.model, MassSpring):
-                lines.append(body.springs() + start)
-            else:
-                tets.append(body.mesh.tets + start)
-            start += len(body.mesh.points)
-        both = {"tets": np.concatenate(tets), "lines": np.concatenate(lines)}
-        self._cells = {kind: rows for kind, rows in both.items() if len(rows)}
+        self._files = StateFiles(sim)
         if self._goes_on:
             for index in range(0, sim.frame, self.every):
                 path = self.folder / "frames" / frame_name(index)
@@ -156,9 +145,8 @@ class States:
         if frame.index % self.every:
             return
         name = frame_name(frame.index)
-        data = {"velocity": frame.velocities()}
-        path = self.folder / "frames" / name
-        write_vtu(path, frame.positions(), point_data=data, **self._cells)
+        assert self._files is not None
+        self._files.write(self.folder / "frames" / name)
         self._saved.append((frame.time, name))
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
