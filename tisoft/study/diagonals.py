@@ -150,7 +150,7 @@ def settle(net: Net, gravity: Floats, tick: Tick) -> Simulation:
     for body in scene.bodies:
         body.model = dataclasses.replace(body.model, point_damping=1.4 * slow)
     sim = Simulation(scene, certify=False)
-    step = 0.9 * sim.limit.sharp()
+    step = 0.95 * sim.limit.rest_bound()  # holds however the springs line up
     most = max(500, min(MOST_SUBSTEPS, WORK // max(1, sim.system.springs)))
     scene.step, scene.frame_rate = step, LOOKS / min(4.0 * 2.0 * np.pi / slow, most * step)
     for _ in range(LOOKS):
