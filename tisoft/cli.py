@@ -14,7 +14,7 @@ from typing import NoReturn
 from tisoft.commands.common import INTERRUPTED
 from tisoft.errors import TisoftError
 
-COMMANDS = ("demo", "run", "render", "check", "bench", "stability")
+COMMANDS = ("demo", "run", "render", "check", "bench", "static", "modes", "stability")
 
 DESCRIPTION = "Soft bodies in Taichi that know how far they can be trusted."
 EPILOG = """start with:

@@ -15,7 +15,8 @@ from tisoft.errors import SceneError
 if TYPE_CHECKING:
     from tisoft.simulation import Simulation
 
-COUNTERS = ("time", "frame", "substeps", "wall_seconds", "compile_seconds", "start_seconds")
+COUNTERS = ("time", "frame", "substeps", "wall_seconds", "compile_seconds", "start_seconds",
+            "half_step_lag")  # fmt: skip
 
 
 def save(

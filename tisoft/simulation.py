@@ -31,6 +31,7 @@ from tisoft.dynamics.statics import Equilibrium, equilibrium
 from tisoft.dynamics.step_limit import StepLimit
 from tisoft.dynamics.stepper import Stepper
 from tisoft.dynamics.system import Part, System
+from tisoft.dynamics.watch import Watch
 from tisoft.errors import Diverged
 from tisoft.measures.measures import Measures
 from tisoft.scene import Scene
@@ -104,9 +105,13 @@ class Simulation:
         self.substeps = 0
         self.steps: list[float] = []
         self.recoveries: list[Recovery] = []
+        self.half_step_lag = 0.0
+        """The step [s] by half of which the system's velocities lag behind, or 0."""
         self.wall_seconds = 0.0
+        _check_half_step(scene)
         self.system = System([damped_body(body) for body in scene.bodies], self.precision)
         self.limit = StepLimit(self.system, INTEGRATORS[scene.integrator])
+        self.watch = Watch(self.system, self.limit)
         self._models = [body.model for body in scene.bodies]
         self._set_start()
         self.compile_seconds = 0.0
@@ -116,6 +121,11 @@ class Simulation:
         self.ledger = ledger
         self._make_stepper(threads)
         self.start_seconds = time.perf_counter() - begun - self.compile_seconds
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the run has told so far that a user should know, a sentence each."""
+        return self.watch.warnings()
 
     # -- state ---------------------------------------------------------------------------------
 
@@ -130,7 +140,10 @@ class Simulation:
 
     def velocities(self, body: Body | None = None) -> Floats:
         """Velocities [m/s], shape (nodes, 3): one body's, or all in the scene's order."""
-        return self._outside(np.array(runtime.read(self.system.v), np.float64), body)
+        v = np.array(runtime.read(self.system.v), np.float64)
+        if self.half_step_lag:  # the scheme's velocity lives half a step earlier
+            v += 0.5 * self.half_step_lag * self._acceleration()
+        return self._outside(v, body)
 
     def set_state(self, positions: Any, velocities: Any) -> None:
         """Set all world positions [m] and velocities [m/s], shape (nodes, 3), scene's order."""
@@ -168,6 +181,8 @@ class Simulation:
         if self._ledger is not None:
             return self._ledger.entries()
         table = self._energies.table(self.scene.gravity)
+        if self.half_step_lag:
+            table["kinetic"] = 0.5 * float(self.masses() @ (self.velocities() ** 2).sum(axis=1))
         return {**table, "dissipated": None, "external_work": None, "error": None}
 
     @property
@@ -307,10 +322,10 @@ class Simulation:
         """Take over what the caller changed since the last frame."""
         models = [body.model for body in self.scene.bodies]
         if any(a is not b for a, b in zip(models, self._models, strict=True)):
-            self._models = models
             for part, body in zip(self.parts, self.scene.bodies, strict=True):
                 part.body = damped_body(body)
-            self.system.reread_springs()
+            self.system.reread_models()
+            self._models = models
             table = self.system.material_table().astype(self.system.real)
             runtime.write(self.system.material, table)
             if self.system.tensors:
@@ -363,6 +378,7 @@ class Simulation:
                 count, h = self.substeps_of(end - self.time)
         self._stretch(end, count, h)
         self.frame += 1
+        self.watch.look(self.time)
         self._recenter()
         return self.here()
 
@@ -370,6 +386,10 @@ class Simulation:
         """Advance to `end` [s] in `count` substeps of `step` [s], under the guard's eyes."""
         self.holder.begin(self.time, end)
         self.loading.begin(self.time, end)
+        if self.scene.start == "half-step" and not self.half_step_lag:
+            back = runtime.read(self.system.v) - 0.5 * step * self._acceleration()
+            runtime.write(self.system.v, back.astype(self.system.real))
+            self.half_step_lag = step
         count, step = self._advance(count, step)
         self.holder.finish(end)
         if self._ledger is not None:
@@ -424,6 +444,17 @@ class Simulation:
         """Whether loads or moved pins do work on the bodies."""
         return self.holder.is_moving or any(part.body.loads for part in self.parts)
 
+    def _acceleration(self) -> Floats:
+        """Acceleration of all nodes [m/s²] in the present state, inside order; 0 on held axes."""
+        system = self.system
+        force = self._forces.internal() + runtime.read(system.load)
+        a = force / system.mass[:, None] + np.asarray(self.scene.gravity)
+        drag = np.array([part.body.model.point_damping for part in self.parts])
+        a -= drag[runtime.read(system.body)][:, None] * runtime.read(system.v)
+        held = runtime.read(system.held)
+        a[(held[:, None] & np.array([1, 2, 4])) != 0] = 0.0
+        return a
+
     def masses(self) -> Floats:
         """Lumped masses [kg], shape (nodes,), in the scene's order."""
         return self._outside(self.system.mass, None)
@@ -456,6 +487,18 @@ class Simulation:
         finally:
             for observer in watching:
                 getattr(observer, "on_end", _nothing)(self)
+
+
+def _check_half_step(scene: Scene) -> None:
+    if scene.start != "half-step":
+        return
+    if scene.integrator != "symplectic-euler":
+        problem = f"shifts the velocities of symplectic-euler, not of {scene.integrator}"
+        raise FieldError("start", f'{problem}; use start = "plain"', scene.start)
+    for i, body in enumerate(scene.bodies):
+        if getattr(body.model, "mass", "lumped") != "lumped":
+            problem = f"needs lumped masses, and body[{i}] has consistent ones"
+            raise FieldError("start", problem, scene.start)
 
 
 def _give_up(simulation: Simulation, last: Recovery) -> str:

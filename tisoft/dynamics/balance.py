@@ -256,5 +256,5 @@ def largest(forces: Floats) -> float:
 def no_equilibrium(text: str, factor: float) -> NoEquilibrium:
     """The error, with the last load factor that had an equilibrium as `load_factor`."""
     error = NoEquilibrium(text)
-    error.load_factor = factor  # type: ignore[attr-defined]
+    error.load_factor = factor
     return error

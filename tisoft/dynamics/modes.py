@@ -49,6 +49,8 @@ class Modes:
     −√(−ω²)/2π, its rate of growth over 2π."""
     shapes: Floats
     """φ with φᵀ M φ = 1 [1/√kg], shape (n, nodes, 3)."""
+    positions: Floats
+    """World positions of the state that they swing about [m], shape (nodes, 3)."""
 
     def shape(self, k: int) -> Floats:
         """Shape of mode k, shape (nodes, 3), with a largest nodal displacement of 1."""
@@ -95,7 +97,8 @@ def natural_modes(
         shapes.append(outside)
     found = np.concatenate(frequencies)
     lowest = np.argsort(found, kind="stable")[:n]
-    return Modes(found[lowest], np.concatenate(shapes)[lowest])
+    rest = np.concatenate([body.mesh.points for body in scene.bodies])
+    return Modes(found[lowest], np.concatenate(shapes)[lowest], rest + u)
 
 
 def _displacements(scene: Scene, about: Any, count: int) -> Floats:

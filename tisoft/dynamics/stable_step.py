@@ -104,7 +104,9 @@ def place_modes(
     u: ti.template(),
     rest_modes: ti.template(),
 ):
-    """ω² [1/s²] and damping rate [1/s] that bound the tet in batch b, lane `lane`, as deformed."""
+    """ω² [1/s²] and damping rate [1/s] that bound the tet in batch b, lane `lane`, as deformed, and
+    its J = det F.
+    """
     N = ti.Matrix([[shapes[b, 3 * c + d, lane] for d in range(3)] for c in range(3)])
     i = nodes[b, 0, lane]
     du = ti.Matrix([[u[nodes[b, c + 1, lane], d] - u[i, d] for c in range(3)] for d in range(3)])
@@ -121,7 +123,7 @@ def place_modes(
             omega2 = omega2 * stretch + rest_modes[2, b, lane] * ti.max(top, 0.0 * top)
         if ti.static(law == NEO_HOOKEAN):
             omega2 += rest_modes[2, b, lane] * neo_hookean_growth(H, lam, mu)
-    return omega2, rest_modes[1, b, lane] * stretch
+    return omega2, rest_modes[1, b, lane] * stretch, 1.0 + volume_change(H, cofactor(H))
 
 
 @ti.kernel
@@ -145,18 +147,19 @@ def node_limits(
 ):
     """Longest stable step [s] by each node's tets, shape (nodes,); inf where it has none.
 
-    `modes` holds what bounds each tet, ω² and damping rate; nodes average it by volume.
+    `modes` holds what bounds each tet, ω² and damping rate, which nodes average by volume, and J.
     """
     for law in ti.static(laws):
         if ti.static(alone):
             ti.loop_config(serialize=True)
         for b in range(law_starts[law], law_starts[law + 1]):
             for lane in range(lanes):
-                omega2, rate = place_modes(
+                omega2, rate, J = place_modes(
                     b, lane, law, nodes, shapes, owner, material, u, rest_modes
                 )
                 modes[0, b, lane] = omega2
                 modes[1, b, lane] = rate
+                modes[2, b, lane] = J
     if ti.static(alone):
         ti.loop_config(serialize=True)
     for i in range(limits.shape[0]):

@@ -73,7 +73,7 @@ class StepLimit:
         table = np.stack([a.reshape(shape) for a in s.element_frequencies()]).astype(s.real)
         if self._launch is None:
             self._modes = runtime.array(table)
-            self._now = runtime.array(table[:2].copy())
+            self._now = runtime.array(table.copy())
             self._limits = runtime.array(np.full(s.count, np.inf, s.real))
             if s.tets:
                 self._launch = runtime.bind(
@@ -127,10 +127,16 @@ class StepLimit:
             self._bound = float(runtime.read(self._limits).min()) * ROUNDING
         return min(self._bound, self._still_step, self.spring_step)
 
+    def inverted(self) -> int:
+        """Tets that are inside out (J ≤ 0) in the present state."""
+        if self._launch is None:
+            return 0
+        self.bound()
+        return int(np.count_nonzero(runtime.read(self._now)[2] <= 0.0))
+
     def moved(self) -> None:
         """Say that the state is another one now."""
-        if self._moves:
-            self._bound = None
+        self._bound = None
 
     def _look(self, parts: list[Part], u: NDArray[np.float64] | None) -> tuple[float, int]:
         """The parts' sharp limit [s] at displacements u, or at rest, and the products it took."""

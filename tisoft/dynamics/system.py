@@ -262,7 +262,7 @@ class System:
         self.spring_data = self._array(np.zeros((max(1, len(others)), SPRING_COLUMNS)))
         self.write_springs()
 
-    def reread_springs(self) -> None:
+    def reread_models(self) -> None:
         """Take stiffness, rest length, damping and masses anew from the bodies' models.
 
         Raises:

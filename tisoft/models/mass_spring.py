@@ -114,8 +114,8 @@ def _masses(mesh: Mesh, model: MassSpring) -> Floats:
         return lumped_masses(mesh.tets, _volumes(mesh), model.density, nodes)
     assert model.thickness is not None
     thirds = model.density * model.thickness * triangle_areas(mesh.points, mesh.surface) / 3.0
-    masses: Floats = np.bincount(mesh.surface.ravel(), np.repeat(thirds, 3), minlength=nodes)
-    return masses
+    weights = np.repeat(thirds, 3)
+    return np.bincount(mesh.surface.ravel(), weights, minlength=nodes).astype(np.float64)
 
 
 def half_springs(

@@ -30,7 +30,7 @@ def gradients(points: Floats, tets: NDArray[np.integer]) -> tuple[Floats, Floats
 def lumped_masses(tets: NDArray[np.integer], volumes: Floats, density: float, nodes: int) -> Floats:
     """Mass of each node [kg], shape (nodes,): a quarter of each of its tets."""
     quarters = np.repeat(density * volumes / 4.0, 4)
-    return np.bincount(tets.ravel(), quarters, minlength=nodes)
+    return np.bincount(tets.ravel(), quarters, minlength=nodes).astype(np.float64)
 
 
 def stiffest(gradient: Floats, lam: float, mu: float) -> Floats:

@@ -1,0 +1,123 @@
+"""tisoft static: the equilibrium of a scene."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tisoft import runtime
+from tisoft.commands import common
+from tisoft.errors import NoEquilibrium
+from tisoft.whole_files import as_json, make_folder, write_text
+
+if TYPE_CHECKING:
+    from tisoft.dynamics.statics import Equilibrium
+    from tisoft.simulation import Simulation
+
+HELP = "find the static equilibrium of a scene, followed from rest"
+EXAMPLES = """examples:
+  tisoft static beam.toml
+  tisoft static beam.toml -o out     summary.json, probes.csv, energy.csv, equilibrium.vtu
+  tisoft static beam.toml -o rest.png --color stress
+
+Loads, gravity and moved pins act as at t = duration; obstacles are left out."""
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    """The command's options."""
+    common.add_scene(parser)
+    parser.add_argument(
+        "-o", "--output", metavar="OUT",
+        help="a folder for the results, made where it is missing, or a picture (.png)",
+    )  # fmt: skip
+    common.add_picture(parser)
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Solve and report; exit code 4 where no equilibrium was found."""
+    scene = common.scene_of(options)
+    runtime.import_taichi()
+    from tisoft.dynamics.statics import equilibrium
+    from tisoft.simulation import Simulation
+
+    picture = bool(options.output) and Path(options.output).suffix.lower() == ".png"
+    folder = make_folder(options.output) if options.output and not picture else None
+    runtime.start(options.arch)
+    try:
+        found = equilibrium(scene)
+    except NoEquilibrium as error:
+        if options.json:
+            print(as_json(_failed(error)))
+        raise
+    sim = Simulation(scene, arch=options.arch, precision="f64", certify=False)
+    sim.set_state(found.positions, 0.0 * found.positions)
+    result = _result(sim, found)
+    if folder is not None:
+        _save(sim, folder, result)
+    if picture:
+        _draw(sim, options.output)
+    _tell(options, result)
+    return 0
+
+
+def _failed(error: NoEquilibrium) -> dict[str, Any]:
+    return {"status": "no equilibrium", "load_factor": error.load_factor, "error": str(error)}
+
+
+def _result(sim: Simulation, found: Equilibrium) -> dict[str, Any]:
+    from tisoft.observers.summary import probes
+
+    sim.time = sim.scene.duration
+    return {
+        "status": "done",
+        "residual": found.residual,
+        "load_factor": found.load_factor,
+        "iterations": found.iterations,
+        "energy": found.energy,
+        "probes": probes(sim),
+        "warnings": found.warnings,
+    }
+
+
+def _save(sim: Simulation, folder: Path, result: dict[str, Any]) -> None:
+    from tisoft.observers.tables import ProbeTable
+    from tisoft.observers.vtu import StateFiles
+
+    energy = result["energy"]
+    cells = ["" if value is None else f"{value!r}" for value in energy.values()]
+    rows = [",".join(["time", *energy]), ",".join([f"{sim.time!r}", *cells])]
+    write_text(folder / "energy.csv", "\n".join(rows) + "\n")
+    with ProbeTable(folder) as table:
+        table.on_start(sim)
+        table.on_frame(sim.here())
+    StateFiles(sim).write(folder / "equilibrium.vtu")
+    write_text(folder / "summary.json", as_json(result) + "\n")
+
+
+def _draw(sim: Simulation, path: str) -> None:
+    from tisoft.observers.film import film_to
+
+    with film_to(path, sim.scene) as film:
+        film.on_frame(sim.here())
+
+
+def _tell(options: argparse.Namespace, result: dict[str, Any]) -> None:
+    if options.json:
+        print(as_json(result))
+        return
+    if options.quiet:
+        return
+    print(
+        f"equilibrium under the whole load, {result['residual']:.2g} N out of balance at the most, "
+        f"after {result['iterations']} linear systems"
+    )
+    print(f"elastic energy {result['energy']['elastic']:.6g} J")
+    for name, probe in result["probes"].items():
+        moved = ", ".join(f"{value:.6g}" for value in probe["displacement"])
+        print(f'probe "{name}": displacement ({moved}) m')
+    if options.output:
+        print(f"results are in {options.output}")
+    for warning in result["warnings"]:
+        print(f"tisoft: warning: {warning}", file=sys.stderr)
