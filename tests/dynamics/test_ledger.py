@@ -72,6 +72,30 @@ def test_a_damped_beam_loses_what_viscosity_takes(kind, keys):
     assert rows["dissipated"][-1] > 0.01 * rows["elastic"].max()
 
 
+@pytest.mark.parametrize("precision", ["f32", "f64"])
+def test_the_damped_beam_of_the_references_loses_energy_at_its_damping_ratio(precision):
+    """REFERENCES A5d: f = 1.211898 Hz, zeta = 0.01341: two periods take 1 − exp(−8π zeta)."""
+    scene = ts.Scene(gravity=(0, 0, 0), precision=precision, step=1e-4, frame_rate=100)
+    mesh = ts.box(size=(1, 0.2, 0.2), cells=(10, 2, 2))
+    body = scene.add_body(mesh, ts.ViscoElastic(1e6, 0.3, 1000.0, phi=500.0, eta=1500.0))
+    body.pin(ts.where.box((-1, -1, -1), (1e-6, 1, 1)))
+    x = mesh.points.copy()
+    along = x[:, 0].copy()
+    slope = 1e-4 * (3 * along - 1.5 * along**2)
+    x[:, 2] += 1e-4 * (1.5 * along**2 - 0.5 * along**3)
+    x[:, 0] -= slope * (mesh.points[:, 2] - 0.1)
+    _, rows = _run(scene, 330, start=(x, 0 * x))
+    _closes(rows)
+    # After two periods the first mode is alone.
+    left = rows["kinetic"][165] + rows["elastic"][165]
+    lost = (rows["dissipated"][330] - rows["dissipated"][165]) / left
+    assert lost == pytest.approx(1 - np.exp(-8 * np.pi * 0.01341), rel=0.01)
+    band = 0.5 * 1e-4 * 2 * np.pi * 1.2119  # the swing of symplectic Euler, ω h/2
+    late = rows["error"][165:] - rows["error"][165]
+    assert np.abs(late).max() < 1.1 * band * left
+    assert rows["external_work"][-1] == 0.0
+
+
 def test_velocity_verlet_closes_to_second_order():
     errors = []
     for step in (1e-3, 5e-4):
