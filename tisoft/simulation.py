@@ -77,8 +77,8 @@ class Simulation:
         precision: "f32" or "f64"; left out, the scene's.
         certify: False takes any step and checks nothing: to show how things fail.
         threads: CPU threads; left out, chosen by the scene's size and the machine's load.
-        ledger: keep account of dissipated energy and external work (a few per cent slower, half as
-            fast where there is viscosity).
+        ledger: keep account of dissipated energy and external work (a seventh slower, a third
+            where there is viscosity).
 
     Raises:
         SceneError: a scene that cannot run, with the field that says why.
