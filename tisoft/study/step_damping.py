@@ -138,24 +138,32 @@ def measure(subject: Subject, own: Own, tick: Tick) -> Axis:
             "frequency": levels.omega / (2.0 * np.pi),
             "damping_ratio": own.damping(levels.mode, levels.omega),
             "runs": len(points),
-            "runs_against_prediction": len(wrong),
+            "grown_below_the_limit": sum(not p.growth.stable for p in wrong),
+            "bounded_above_the_limit": sum(p.growth.stable for p in wrong),
         },
         notes=[_agreement(points, wrong)],
     )  # fmt: skip
 
 
 def _agreement(points: list[Point], wrong: list[Point]) -> str:
-    if wrong:
-        worst = max(wrong, key=lambda p: abs(p.ratio - 1.0))
+    worse = [p for p in wrong if not p.growth.stable]
+    if worse:
+        least = min(worse, key=lambda p: p.ratio)
         return (
-            f"{len(wrong)} of {len(points)} runs went otherwise than predicted, the farthest at "
-            f"{worst.ratio:g} of the limit and damping ratio {worst.damping:g}."
+            f"{len(worse)} of {len(points)} runs grew below the predicted limit, the earliest at "
+            f"{least.ratio:g} of it and damping ratio {least.damping:g}."
         )
-    least = max(p.ratio for p in points if p.ratio < 1.0)
-    most = min(p.ratio for p in points if p.ratio > 1.0)
+    if wrong:
+        first = min(p.damping for p in wrong)
+        return (
+            f"No run grew below the predicted limit; {len(wrong)} of {len(points)} stayed bounded "
+            f"above it, from damping ratio {first:g} on: there the limit is on the safe side."
+        )
+    below = max(p.ratio for p in points if p.ratio < 1.0)
+    above = min(p.ratio for p in points if p.ratio > 1.0)
     return (
-        f"All {len(points)} runs went as predicted: at {least:g} of the limit nothing grows, at "
-        f"{most:g} the stiffest mode does, whatever the damping."
+        f"All {len(points)} runs went as predicted: at {below:g} of the limit nothing grows, at "
+        f"{above:g} the stiffest mode does, whatever the damping."
     )
 
 
