@@ -140,10 +140,14 @@ class Simulation:
 
     def velocities(self, body: Body | None = None) -> Floats:
         """Velocities [m/s], shape (nodes, 3): one body's, or all in the scene's order."""
+        return self._outside(self._velocities(), body)
+
+    def _velocities(self) -> Floats:
+        """Velocities [m/s] of all nodes, inside order."""
         v = np.array(runtime.read(self.system.v), np.float64)
         if self.half_step_lag:  # the scheme's velocity lives half a step earlier
             v += 0.5 * self.half_step_lag * self._acceleration()
-        return self._outside(v, body)
+        return v
 
     def set_state(self, positions: Any, velocities: Any) -> None:
         """Set all world positions [m] and velocities [m/s], shape (nodes, 3), scene's order."""
@@ -217,7 +221,7 @@ class Simulation:
 
     @cached_property
     def _energies(self) -> Energies:
-        return Energies(self.system)
+        return Energies(self.system, self._velocities)
 
     @cached_property
     def _forces(self) -> Forces:
@@ -448,6 +452,8 @@ class Simulation:
         """Acceleration of all nodes [m/s²] in the present state, inside order; 0 on held axes."""
         system = self.system
         force = self._forces.internal() + runtime.read(system.load)
+        if self.loading.pressure:
+            force += runtime.read(system.pressed)
         a = force / system.mass[:, None] + np.asarray(self.scene.gravity)
         drag = np.array([part.body.model.point_damping for part in self.parts])
         a -= drag[runtime.read(system.body)][:, None] * runtime.read(system.v)

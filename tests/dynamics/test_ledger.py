@@ -96,6 +96,20 @@ def test_the_damped_beam_of_the_references_loses_energy_at_its_damping_ratio(pre
     assert rows["external_work"][-1] == 0.0
 
 
+def test_the_half_step_start_closes_better():
+    """Its whole-step velocities make T + V what symplectic Euler conserves, but for half a step
+    of viscosity.
+    """
+    errors = {}
+    for start in ("plain", "half-step"):
+        scene, body = _beam(ts.ViscoElastic, 1e-3, phi=200.0, eta=200.0)
+        body.load(ts.where.everything(), pressure=20.0)
+        scene.start = start
+        _, rows = _run(scene, 50)
+        errors[start] = np.abs(rows["error"]).max()
+    assert errors["half-step"] < 0.05 * errors["plain"]
+
+
 def test_velocity_verlet_closes_to_second_order():
     errors = []
     for step in (1e-3, 5e-4):
