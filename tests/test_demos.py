@@ -31,7 +31,15 @@ def test_list_names_every_demo_with_a_sentence(capsys):
     rows = json.loads(capsys.readouterr().out)
     names = {row["name"] for row in rows}
     assert names == {
-        *("creature", "cantilever", "side-by-side", "tumble", "cloth", "spinning-brick"),
+        *(
+            "creature",
+            "cantilever",
+            "side-by-side",
+            "tumble",
+            "cloth",
+            "inside-out",
+            "spinning-brick",
+        ),
     }
     assert all(row["about"].endswith(".") and Path(row["file"]).is_file() for row in rows)
 

@@ -20,7 +20,14 @@ EXAMPLES = """examples:
   tisoft demo --list"""
 
 FIRST = "creature"
-MOMENTS = {"creature": 0.12, "cloth": 0.5, "cantilever": 0.2, "side-by-side": 0.2, "tumble": 0.5}
+MOMENTS = {
+    "creature": 0.12,
+    "cloth": 0.5,
+    "cantilever": 0.2,
+    "side-by-side": 0.2,
+    "tumble": 0.5,
+    "inside-out": 1.0,
+}
 """Share of the film at which the picture is taken."""
 
 
