@@ -31,6 +31,7 @@ def scene(tmp_path):
     return str(path)
 
 
+@pytest.mark.slow
 def test_map_is_written_whole(scene, tmp_path, capsys):
     folder = tmp_path / "map"
     assert main(["stability", scene, "-o", str(folder), "--json"]) == 0

@@ -43,19 +43,21 @@ def measured(module, scene):
     return axis
 
 
+MODELS = {
+    "viscous": ts.ViscoElastic(1e5, 0.3, 1000.0, phi=5.0, eta=5.0),
+    "consistent": ts.ViscoElastic(1e5, 0.3, 1000.0, mass="consistent"),
+    "mass-tensor": ts.MassTensor(1e5, 0.3, 1000.0),
+    "neo-hookean": ts.NeoHookean(1e5, 0.3, 1000.0),
+    "springs": ts.MassSpring(1e5, 1000.0),
+}
+
+
 @pytest.mark.parametrize(
-    "model",
-    [
-        ts.ViscoElastic(1e5, 0.3, 1000.0, phi=5.0, eta=5.0),
-        ts.ViscoElastic(1e5, 0.3, 1000.0, mass="consistent"),
-        ts.MassTensor(1e5, 0.3, 1000.0),
-        ts.NeoHookean(1e5, 0.3, 1000.0),
-        ts.MassSpring(1e5, 1000.0),
-    ],
-    ids=["viscous", "consistent", "mass-tensor", "neo-hookean", "springs"],
+    "name",
+    ["viscous", pytest.param("consistent", marks=pytest.mark.slow), *list(MODELS)[2:]],
 )
-def test_every_run_of_the_grid_goes_as_predicted(model):
-    axis = measured(step_damping, beam(model))
+def test_every_run_of_the_grid_goes_as_predicted(name):
+    axis = measured(step_damping, beam(MODELS[name]))
     assert axis.numbers["runs"] == len(step_damping.RATIOS) * len(step_damping.LEVELS)
     assert axis.numbers["grown_below_the_limit"] == 0
     assert axis.numbers["bounded_above_the_limit"] == 0

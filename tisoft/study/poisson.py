@@ -222,10 +222,10 @@ def _draw(figure: Any, subject: Subject, rows: list[Row]) -> None:
         ax.set_xlabel("Poisson's ratio [1]")
     left.set_ylim(0.0, None)
     right.set_yscale("log")
-    right.set_ylim(0.9, None)
     top = max(base.compliance / r.compliance for r in rows)
-    marks = [t for t in (0.5, 1, 1.2, 1.5, 2, 3, 5, 10, 20, 50, 100, 1000) if t <= 1.5 * top]
+    marks = [t for t in (1, 1.1, 1.2, 1.5, 2, 3, 5, 10, 20, 50, 100, 1000) if t <= 1.5 * top]
     right.set_yticks(marks, [f"{t:g}" for t in marks])
+    right.set_ylim(0.95, max(1.25, 1.1 * top))
     right.minorticks_off()
     left.set_ylabel("stable substep [ms]")
     right.set_ylabel("stiffness / stiffness at 0.3 [1]")
