@@ -87,6 +87,12 @@ class Guard:
         runtime.write(self.simulation.system.u, self._saved[0])
         runtime.write(self.simulation.system.v, self._saved[1])
 
+    def is_finite(self) -> bool:
+        """Whether all positions and velocities are numbers."""
+        system = self.simulation.system
+        with np.errstate(all="ignore"):
+            return all(math.isfinite(float(runtime.read(a).sum())) for a in (system.u, system.v))
+
     def breach(self, step: float) -> str | None:
         """Why the frame just made with `step` [s] cannot be shown; None where it can."""
         system, limit = self.simulation.system, self.simulation.limit
