@@ -227,8 +227,9 @@ def _sentence(net: Net, found: list[Sag]) -> str:
     whole, last = found[0], found[-1]
     first = next((s for s in found if s.mechanisms > whole.mechanisms), None)
     text = f"With all its {net.what}, {net.name} has {_count(whole)}"
-    if first is not None:
-        text += f"; without {100 * first.share:g} % of them it has {first.mechanisms}"
+    if first is None:
+        return f"{text}, and {100 * last.share:g} % of them can go before it has more."
+    text += f"; without {100 * first.share:g} % of them it has {first.mechanisms}"
     if first is not last:
         text += f", without {100 * last.share:g} % {last.mechanisms}"
     if whole.sag > 0.0:
