@@ -33,6 +33,7 @@ def save(
         "numbers": numbers,
         "recoveries": recoveries,
         "limit": simulation.limit.state() if simulation.guard else None,
+        "guard": simulation.guard.state() if simulation.guard else None,
         "ledger": simulation.account.state() if simulation.account else None,
         "notes": notes,
     }
@@ -84,6 +85,8 @@ def put(simulation: Simulation, content: Any, arrays: dict[str, NDArray[Any]]) -
     simulation.recoveries = [Recovery(**recovery) for recovery in content["recoveries"]]
     if content["limit"] is not None:
         simulation.limit.set_state(content["limit"])
+    if simulation.guard is not None and content["guard"] is not None:
+        simulation.guard.set_state(content["guard"])
     simulation.ledger = content["ledger"] is not None
     if simulation.account is not None:
         simulation.account.set_state(content["ledger"])
