@@ -11,6 +11,8 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from typing import NoReturn
 
+import numpy as np
+
 from tisoft.commands.common import INTERRUPTED
 from tisoft.errors import TisoftError
 
@@ -77,7 +79,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.command is None:
             top.print_help()
             return 0
-        code = int(options.execute(options))
+        with np.errstate(all="ignore"):  # NumPy's warnings are no sentences for a user
+            code = int(options.execute(options))
         sys.stdout.flush()
         return code
     except SystemExit as exit:

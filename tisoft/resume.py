@@ -35,6 +35,7 @@ def save(
         "limit": simulation.limit.state() if simulation.guard else None,
         "guard": simulation.guard.state() if simulation.guard else None,
         "ledger": simulation.account.state() if simulation.account else None,
+        "watch": simulation.watch.state(),
         "notes": notes,
     }
     arrays = {
@@ -87,6 +88,7 @@ def put(simulation: Simulation, content: Any, arrays: dict[str, NDArray[Any]]) -
         simulation.limit.set_state(content["limit"])
     if simulation.guard is not None and content["guard"] is not None:
         simulation.guard.set_state(content["guard"])
+    simulation.watch.set_state(content["watch"])
     simulation.ledger = content["ledger"] is not None
     if simulation.account is not None:
         simulation.account.set_state(content["ledger"])

@@ -25,6 +25,7 @@ from tisoft.dynamics.hold import Holder
 from tisoft.dynamics.ledger import Ledger
 from tisoft.dynamics.loading import Loading, external_forces
 from tisoft.dynamics.modes import Mass, Modes, natural_modes
+from tisoft.dynamics.number_range import check_range
 from tisoft.dynamics.obstacles import obstacle_kinds, obstacle_shapes
 from tisoft.dynamics.reactions import reactions
 from tisoft.dynamics.statics import Equilibrium, equilibrium
@@ -48,6 +49,10 @@ INTEGRATORS = {
 LOOK, LOOK_WORK = 64, 30_000
 """Substeps, or tet-substeps in small scenes, after which the stable step and the guard look at the
 bodies again even within a frame."""
+
+
+MOST_SUBSTEPS = 1e9
+"""Substeps that a frame may have: hours of stepping, before which no frame would be seen."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +114,9 @@ class Simulation:
         """The step [s] by half of which the system's velocities lag behind, or 0."""
         self.wall_seconds = 0.0
         _check_half_step(scene)
-        self.system = System([damped_body(body) for body in scene.bodies], self.precision)
+        with np.errstate(all="ignore"):  # what leaves the range of floats is refused by name
+            self.system = System([damped_body(body) for body in scene.bodies], self.precision)
+            check_range(self.system, scene)
         self.limit = StepLimit(self.system, INTEGRATORS[scene.integrator])
         self.watch = Watch(self.system, self.limit)
         self._models = [body.model for body in scene.bodies]
@@ -352,6 +359,12 @@ class Simulation:
             step = self.limit.chosen(self.substeps)
         elif self.certify and self.scene.integrator != "explicit-euler":
             self._refuse_long(float(step))
+        if not frame_time <= MOST_SUBSTEPS * float(step):
+            problem = (
+                f"makes frames of {frame_time:.3g} s, which need more than {MOST_SUBSTEPS:.0e} "
+                f"substeps of {float(step):.3g} s; give a higher one, or a softer or coarser body"
+            )
+            raise FieldError("frame_rate", problem, self.scene.frame_rate)
         count = max(1, math.ceil(frame_time / float(step) - 1e-9))
         return count, frame_time / count
 

@@ -8,6 +8,8 @@ elastica of Bisshopp and Drucker 1945), and a spinning body grows by 1/cos of it
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,6 +43,17 @@ class Watch:
             if isinstance(part.body.model, Linear | MassTensor):
                 every = max(1, len(part.tets) // SAMPLE)
                 self._linear.append((part, part.tets[::every], part.gradient[::every]))
+
+    def state(self) -> dict[str, Any]:
+        """What a checkpoint keeps."""
+        turns = [[index, *worst] for index, worst in self._turns.items()]
+        inverted = [self.inverted, self._most_inverted, self._first_inverted]
+        return {"inverted": inverted, "turns": turns}
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Go on from what `state` told."""
+        self.inverted, self._most_inverted, self._first_inverted = state["inverted"]
+        self._turns = {index: (angle, time) for index, angle, time in state["turns"]}
 
     def look(self, time: float) -> None:
         """Look at the state at `time` [s]."""
