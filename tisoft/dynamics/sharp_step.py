@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
-from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh, splu
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh, splu
 
 from tisoft.dynamics.operators import Elastic
 from tisoft.dynamics.stable_step import DAMPING_FACTOR, longest_step
@@ -176,8 +176,11 @@ def _largest(mass: _Mass, operator: Operator, start: Floats) -> tuple[float, Flo
                 tol=TOLERANCE,
             )
             w = found[1][:, 0].reshape(shape)
-        except ArpackNoConvergence as late:
-            w = late.eigenvectors[:, 0].reshape(shape) if late.eigenvectors.size else start
+        except ArpackError as late:
+            found = getattr(late, "eigenvectors", np.empty(0))
+            if not found.size:
+                return np.inf, start, 0.0  # nothing is known: the elements' bound has to do
+            w = found[:, 0].reshape(shape)
     w = mass.free * w
     size = float(np.vdot(w, mass.times(w)))
     w = w / math.sqrt(size or 1.0)
