@@ -231,8 +231,10 @@ def vector(field: str, value: Any, **limits: Any) -> Vector:
 
 
 def direction(field: str, value: Any) -> Vector:
-    """The value as a unit vector."""
+    """The value as a unit vector; one that is such already keeps its bits."""
     given = vector(field, value)
+    if abs(math.hypot(*given) - 1.0) <= 1e-15:
+        return given
     largest = max(abs(c) for c in given)
     if largest == 0.0:
         raise FieldError(field, "has no direction; give one, as (0, 1, 0) for up", value)
