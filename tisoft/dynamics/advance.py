@@ -190,14 +190,36 @@ def advance_kernel(real: Any) -> Any:
                         high = law_starts[law] + size * (t + 1) // threads
                         for b in range(low, high):
                             batch_forces(
-                                b, law, viscous, real, nodes, shapes, owner, material, u, v, slots,
-                                ti.static(ledger and viscous), still_slots,
+                                b,
+                                law,
+                                viscous,
+                                real,
+                                nodes,
+                                shapes,
+                                owner,
+                                material,
+                                u,
+                                v,
+                                slots,
+                                ti.static(ledger and viscous),
+                                still_slots,
                             )
                     if ti.static(springs or tensors):
                         for i in range(first, last):
                             f = row_force(
-                                i, viscous, springs, tensors, spring_starts, spring_ends,
-                                spring_data, tensor_starts, tensor_ends, stiffness, viscosity, u, v,
+                                i,
+                                viscous,
+                                springs,
+                                tensors,
+                                spring_starts,
+                                spring_ends,
+                                spring_data,
+                                tensor_starts,
+                                tensor_ends,
+                                stiffness,
+                                viscosity,
+                                u,
+                                v,
                             )
                             for c in ti.static(range(3)):
                                 force[i, c] = f[c]
@@ -205,16 +227,25 @@ def advance_kernel(real: Any) -> Any:
                         # A loop of its own: Taichi 1.7.4 merges it with the one above within one.
                         for i in range(first, last):
                             f = row_force(
-                                i, False, springs, tensors, spring_starts, spring_ends,
-                                spring_data, tensor_starts, tensor_ends, stiffness, viscosity, u, v,
+                                i,
+                                False,
+                                springs,
+                                tensors,
+                                spring_starts,
+                                spring_ends,
+                                spring_data,
+                                tensor_starts,
+                                tensor_ends,
+                                stiffness,
+                                viscosity,
+                                u,
+                                v,
                             )
                             for c in ti.static(range(3)):
                                 still[i, c] = f[c]
                     if ti.static(pressure):
                         for i in range(first, last):
-                            f = pressure_force(
-                                i, pressure_starts, pressure_ends, pressure_data, u
-                            )
+                            f = pressure_force(i, pressure_starts, pressure_ends, pressure_data, u)
                             for c in ti.static(range(3)):
                                 pressed[i, c] = f[c]
                     phase += 1
@@ -249,17 +280,58 @@ def advance_kernel(real: Any) -> Any:
                             )
                         elif ti.static(ledger):
                             move_and_book(
-                                i, a, f, s < substeps, s > 0, h, integrator, contact, rest, u, v,
-                                half, body[i], held, drive, kind, shape,
-                                viscous, ti.static(len(laws) > 0), ti.static(springs or tensors),
-                                loads, pressure, LANES,
-                                gravity, inverse_mass, material, starts, corners, still_flat,
-                                still, load, pressed, work,
+                                i,
+                                a,
+                                f,
+                                s < substeps,
+                                s > 0,
+                                h,
+                                integrator,
+                                contact,
+                                rest,
+                                u,
+                                v,
+                                half,
+                                body[i],
+                                held,
+                                drive,
+                                kind,
+                                shape,
+                                viscous,
+                                ti.static(len(laws) > 0),
+                                ti.static(springs or tensors),
+                                loads,
+                                pressure,
+                                LANES,
+                                gravity,
+                                inverse_mass,
+                                material,
+                                starts,
+                                corners,
+                                still_flat,
+                                still,
+                                load,
+                                pressed,
+                                work,
                             )
                         else:
                             move_node(
-                                i, a, s < substeps, s > 0, h, integrator, contact, rest, u, v,
-                                half, body[i], held, drive, kind, shape,
+                                i,
+                                a,
+                                s < substeps,
+                                s > 0,
+                                h,
+                                integrator,
+                                contact,
+                                rest,
+                                u,
+                                v,
+                                half,
+                                body[i],
+                                held,
+                                drive,
+                                kind,
+                                shape,
                             )
                     if ti.static(iterations > 0):
                         for k in range(iterations):
@@ -284,23 +356,72 @@ def advance_kernel(real: Any) -> Any:
                             )
                             if ti.static(ledger):
                                 f = node_force(
-                                    i, ti.static(len(laws) > 0), ti.static(springs or tensors),
-                                    loads, starts, corners, flat, LANES, force, load,
+                                    i,
+                                    ti.static(len(laws) > 0),
+                                    ti.static(springs or tensors),
+                                    loads,
+                                    starts,
+                                    corners,
+                                    flat,
+                                    LANES,
+                                    force,
+                                    load,
                                 )
                                 if ti.static(pressure):
                                     f += ti.Vector([pressed[i, 0], pressed[i, 1], pressed[i, 2]])
                                 move_and_book(
-                                    i, a, f, s < substeps, s > 0, h, integrator, contact, rest, u,
-                                    v, half, body[i], held, drive, kind, shape,
-                                    viscous, ti.static(len(laws) > 0),
-                                    ti.static(springs or tensors), loads, pressure, LANES, gravity,
-                                    inverse_mass, material, starts, corners, still_flat, still,
-                                    load, pressed, work,
+                                    i,
+                                    a,
+                                    f,
+                                    s < substeps,
+                                    s > 0,
+                                    h,
+                                    integrator,
+                                    contact,
+                                    rest,
+                                    u,
+                                    v,
+                                    half,
+                                    body[i],
+                                    held,
+                                    drive,
+                                    kind,
+                                    shape,
+                                    viscous,
+                                    ti.static(len(laws) > 0),
+                                    ti.static(springs or tensors),
+                                    loads,
+                                    pressure,
+                                    LANES,
+                                    gravity,
+                                    inverse_mass,
+                                    material,
+                                    starts,
+                                    corners,
+                                    still_flat,
+                                    still,
+                                    load,
+                                    pressed,
+                                    work,
                                 )
                             else:
                                 move_node(
-                                    i, a, s < substeps, s > 0, h, integrator, contact, rest, u, v,
-                                    half, body[i], held, drive, kind, shape,
+                                    i,
+                                    a,
+                                    s < substeps,
+                                    s > 0,
+                                    h,
+                                    integrator,
+                                    contact,
+                                    rest,
+                                    u,
+                                    v,
+                                    half,
+                                    body[i],
+                                    held,
+                                    drive,
+                                    kind,
+                                    shape,
                                 )
                     phase += 1
                     meet(arrived, phase, threads)

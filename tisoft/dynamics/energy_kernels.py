@@ -10,7 +10,13 @@ A = ti.types.ndarray
 
 @ti.kernel
 def tet_energies(
-    law: ti.template(), tets: A(), gradient: A(), volume: A(), numbers: A(), u: A(), energy: A(),
+    law: ti.template(),
+    tets: A(),
+    gradient: A(),
+    volume: A(),
+    numbers: A(),
+    u: A(),
+    energy: A(),
 ):
     """Elastic energy of each tet [J]; `numbers` holds λ' and μ' of its law."""
     for e in range(tets.shape[0]):

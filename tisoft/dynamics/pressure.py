@@ -18,8 +18,9 @@ PRESSURE_COLUMNS = 7
 
 
 @ti.func
-def pressure_force(i, starts: ti.template(), ends: ti.template(), data: ti.template(),
-                   u: ti.template()):
+def pressure_force(
+    i, starts: ti.template(), ends: ti.template(), data: ti.template(), u: ti.template()
+):
     """Force of the pressure on node i [N]."""
     ui = ti.Vector([u[i, 0], u[i, 1], u[i, 2]])
     f = 0.0 * ui

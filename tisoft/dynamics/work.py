@@ -19,9 +19,22 @@ from tisoft.dynamics.nodes import move_node, node_force
 
 
 @ti.func
-def split_force(i, f, mass, damping, gravity, viscous: ti.template(), tets: ti.template(),
-                rows: ti.template(), starts: ti.template(), corners: ti.template(),
-                slots: ti.template(), lanes, still: ti.template(), v: ti.template()):
+def split_force(
+    i,
+    f,
+    mass,
+    damping,
+    gravity,
+    viscous: ti.template(),
+    tets: ti.template(),
+    rows: ti.template(),
+    starts: ti.template(),
+    corners: ti.template(),
+    slots: ti.template(),
+    lanes,
+    still: ti.template(),
+    v: ti.template(),
+):
     """Conservative and dissipating part [N] of the elements' force f, with weight and damping.
 
     `slots` and `still` hold the elements' forces without viscosity.
@@ -36,8 +49,9 @@ def split_force(i, f, mass, damping, gravity, viscous: ti.template(), tets: ti.t
 
 
 @ti.func
-def note_work(i, mass, kick, before, after, jump, way, shift, held, kept, lost, push,
-              work: ti.template()):
+def note_work(
+    i, mass, kick, before, after, jump, way, shift, held, kept, lost, push, work: ti.template()
+):
     """Add node i's dissipated energy and external work [J] of a substep to `work`.
 
     kick, before, after, jump, way and shift are what `move_node` returns.
@@ -58,14 +72,39 @@ def note_work(i, mass, kick, before, after, jump, way, shift, held, kept, lost, 
 
 @ti.func
 def move_and_book(
-    i, a, f, opens, closes, h, integrator: ti.template(), contact: ti.template(),
-    rest: ti.template(), u: ti.template(), v: ti.template(), half: ti.template(), body,
-    held: ti.template(), drive: ti.template(), kind: ti.template(), shape: ti.template(),
-    viscous: ti.template(), tets: ti.template(), rows: ti.template(), loads: ti.template(),
-    pressure: ti.template(), lanes: ti.template(), gravity, inverse_mass: ti.template(),
-    material: ti.template(), starts: ti.template(), corners: ti.template(),
-    still_slots: ti.template(), still: ti.template(), load: ti.template(),
-    pressed: ti.template(), work: ti.template(),
+    i,
+    a,
+    f,
+    opens,
+    closes,
+    h,
+    integrator: ti.template(),
+    contact: ti.template(),
+    rest: ti.template(),
+    u: ti.template(),
+    v: ti.template(),
+    half: ti.template(),
+    body,
+    held: ti.template(),
+    drive: ti.template(),
+    kind: ti.template(),
+    shape: ti.template(),
+    viscous: ti.template(),
+    tets: ti.template(),
+    rows: ti.template(),
+    loads: ti.template(),
+    pressure: ti.template(),
+    lanes: ti.template(),
+    gravity,
+    inverse_mass: ti.template(),
+    material: ti.template(),
+    starts: ti.template(),
+    corners: ti.template(),
+    still_slots: ti.template(),
+    still: ti.template(),
+    load: ti.template(),
+    pressed: ti.template(),
+    work: ti.template(),
 ):
     """`move_node`, and its entries in the ledger; f is the force of elements and loads [N]."""
     mass = 1.0 / inverse_mass[i]
@@ -76,11 +115,37 @@ def move_and_book(
         if ti.static(pressure):
             push[c] += pressed[i, c]
     kept, lost = split_force(
-        i, f - push, mass, material[body, 4], gravity, viscous, tets, rows, starts, corners,
-        still_slots, lanes, still, v,
+        i,
+        f - push,
+        mass,
+        material[body, 4],
+        gravity,
+        viscous,
+        tets,
+        rows,
+        starts,
+        corners,
+        still_slots,
+        lanes,
+        still,
+        v,
     )
     kick, before, after, jump, way, shift = move_node(
-        i, a, opens, closes, h, integrator, contact, rest, u, v, half, body, held, drive, kind,
+        i,
+        a,
+        opens,
+        closes,
+        h,
+        integrator,
+        contact,
+        rest,
+        u,
+        v,
+        half,
+        body,
+        held,
+        drive,
+        kind,
         shape,
     )
     note_work(i, mass, kick, before, after, jump, way, shift, held[i], kept, lost, push, work)

@@ -21,8 +21,16 @@ A = ti.types.ndarray
 
 @ti.kernel
 def tet_measures(
-    law: ti.template(), tets: A(), gradient: A(), numbers: A(), u: A(),
-    strain: A(), second_piola: A(), cauchy: A(), von_mises: A(), volume_ratio: A(),
+    law: ti.template(),
+    tets: A(),
+    gradient: A(),
+    numbers: A(),
+    u: A(),
+    strain: A(),
+    second_piola: A(),
+    cauchy: A(),
+    von_mises: A(),
+    volume_ratio: A(),
 ):
     """Strain, stresses [Pa] and J of each tet; `numbers` holds λ' and μ' of its law."""
     for e in range(tets.shape[0]):

@@ -62,9 +62,7 @@ class Measures:
         """Linear momentum [kg·m/s] of a body, or of all, shape (3,)."""
         return linear_momentum(self._simulation.system, self._parts(body))
 
-    def angular_momentum(
-        self, body: Body | None = None, *, about: Any = (0.0, 0.0, 0.0)
-    ) -> Floats:
+    def angular_momentum(self, body: Body | None = None, *, about: Any = (0.0, 0.0, 0.0)) -> Floats:
         """Angular momentum about a point [m] of a body, or of all [kg·m²/s], shape (3,)."""
         return angular_momentum(self._simulation.system, self._parts(body), about)
 

@@ -1,6 +1,6 @@
 """Linear and angular momentum of a running scene, from its masses.
 
-    p = Σ m v,   L = Σ m (x − c) × v;   consistent mass: L = Σ_tets ρV/20 [Σx × Σv + Σ x × v]
+p = Σ m v,   L = Σ m (x − c) × v;   consistent mass: L = Σ_tets ρV/20 [Σx × Σv + Σ x × v]
 """
 
 from __future__ import annotations

@@ -103,8 +103,14 @@ def tet_gradient(e, tets: ti.template(), N, w: ti.template()):
 
 
 @ti.func
-def spring_product(i, starts: ti.template(), neighbours: ti.template(), data: ti.template(),
-                   u: ti.template(), w: ti.template()):
+def spring_product(
+    i,
+    starts: ti.template(),
+    neighbours: ti.template(),
+    data: ti.template(),
+    u: ti.template(),
+    w: ti.template(),
+):
     """Σ_j [k n nᵀ + T/L (1 − n nᵀ)] (w_i − w_j) of node i [N]."""
     ui = ti.Vector([u[i, 0], u[i, 1], u[i, 2]])
     wi = ti.Vector([w[i, 0], w[i, 1], w[i, 2]])
@@ -126,8 +132,14 @@ def spring_product(i, starts: ti.template(), neighbours: ti.template(), data: ti
 
 
 @ti.func
-def spring_rate(i, starts: ti.template(), neighbours: ti.template(), data: ti.template(),
-                u: ti.template(), w: ti.template()):
+def spring_rate(
+    i,
+    starts: ti.template(),
+    neighbours: ti.template(),
+    data: ti.template(),
+    u: ti.template(),
+    w: ti.template(),
+):
     """Σ_j c n nᵀ (w_i − w_j) of node i [N]."""
     wi = ti.Vector([w[i, 0], w[i, 1], w[i, 2]])
     out = 0.0 * wi
@@ -141,10 +153,25 @@ def spring_rate(i, starts: ti.template(), neighbours: ti.template(), data: ti.te
 
 
 @ti.kernel
-def nodal(what: ti.template(), law: ti.template(), tets: ti.template(), springs: ti.template(),
-          corner_nodes: A(), gradient: A(), volume: A(), constants: A(), slots: A(),
-          starts: A(), corners: A(), spring_starts: A(), spring_ends: A(), spring_data: A(),
-          u: A(), w: A(), out: A()):
+def nodal(
+    what: ti.template(),
+    law: ti.template(),
+    tets: ti.template(),
+    springs: ti.template(),
+    corner_nodes: A(),
+    gradient: A(),
+    volume: A(),
+    constants: A(),
+    slots: A(),
+    starts: A(),
+    corners: A(),
+    spring_starts: A(),
+    spring_ends: A(),
+    spring_data: A(),
+    u: A(),
+    w: A(),
+    out: A(),
+):
     """out = f(u), K(u) w or C(u) w, shape (nodes, 3) [N]; constants are λ', μ', φ, η."""
     if ti.static(tets):
         for e in range(corner_nodes.shape[0]):
@@ -183,10 +210,21 @@ def nodal(what: ti.template(), law: ti.template(), tets: ti.template(), springs:
 
 
 @ti.kernel
-def energies(law: ti.template(), tets: ti.template(), springs: ti.template(),
-             corner_nodes: A(), gradient: A(), volume: A(), constants: A(),
-             spring_starts: A(), spring_ends: A(), spring_data: A(), u: A(), tet_energy: A(),
-             node_energy: A()):
+def energies(
+    law: ti.template(),
+    tets: ti.template(),
+    springs: ti.template(),
+    corner_nodes: A(),
+    gradient: A(),
+    volume: A(),
+    constants: A(),
+    spring_starts: A(),
+    spring_ends: A(),
+    spring_data: A(),
+    u: A(),
+    tet_energy: A(),
+    node_energy: A(),
+):
     """Elastic energy [J] of each tet, and of each node's springs (half of each spring's)."""
     if ti.static(tets):
         for e in range(corner_nodes.shape[0]):
