@@ -699,14 +699,14 @@ def documents(draw):
         if change == "remove":
             del holder[key]
         elif change == "add" and isinstance(holder, dict):
-            holder[draw(st.sampled_from(KEYS))] = draw(VALUES)
+            holder[draw(st.sampled_from(KEYS))] = copy.deepcopy(draw(VALUES))
         elif change == "repeat" and isinstance(holder, list):
             holder.append(copy.deepcopy(holder[key]))
         elif change == "copy":
             other, there = draw(st.sampled_from(spots))
             holder[key] = copy.deepcopy(other[there])
         else:
-            holder[key] = draw(VALUES)
+            holder[key] = copy.deepcopy(draw(VALUES))
     return document
 
 
