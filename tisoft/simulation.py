@@ -20,20 +20,20 @@ from tisoft.dynamics import nodes
 from tisoft.dynamics.damping import damped_body
 from tisoft.dynamics.energy import Energies, Forces
 from tisoft.dynamics.flags import Flags
-from tisoft.dynamics.guard import MOST_TRIES, Guard, Recovery
+from tisoft.dynamics.guard import Guard, Recovery
 from tisoft.dynamics.hold import Holder
 from tisoft.dynamics.ledger import Ledger
 from tisoft.dynamics.loading import Loading, external_forces
 from tisoft.dynamics.modes import Mass, Modes, natural_modes
 from tisoft.dynamics.number_range import check_range
 from tisoft.dynamics.obstacles import obstacle_kinds, obstacle_shapes
+from tisoft.dynamics.part import Part
 from tisoft.dynamics.reactions import reactions
 from tisoft.dynamics.statics import Equilibrium, equilibrium
 from tisoft.dynamics.step_limit import StepLimit
 from tisoft.dynamics.stepper import Stepper
-from tisoft.dynamics.system import Part, System
+from tisoft.dynamics.system import System
 from tisoft.dynamics.watch import Watch
-from tisoft.errors import Diverged
 from tisoft.measures.measures import Measures
 from tisoft.scene import Scene
 
@@ -418,47 +418,18 @@ class Simulation:
         """Make the substeps of one stretch; returns the number and size [s] that carried it."""
         begun = time.perf_counter()
         if self.guard is None:
-            self.stepper.advance(count, step, self.scene.gravity)
-            self.limit.moved()
+            self.substep(count, step)
         elif self.scene.integrator == "explicit-euler":
-            self._advance_watched(self.guard, count, step)
+            self.guard.watch(count, step)
         else:
-            count, step = self._advance_guarded(self.guard, count, step)
+            count, step = self.guard.carry(count, step)
         self.wall_seconds += time.perf_counter() - begun
         return count, step
 
-    def _advance_watched(self, guard: Guard, count: int, step: float) -> None:
-        """The same with the step given, whatever comes of it; what is not finite is not kept."""
-        guard.save()
+    def substep(self, count: int, step: float) -> None:
+        """`count` bare substeps of `step` [s], which nothing watches."""
         self.stepper.advance(count, step, self.scene.gravity)
         self.limit.moved()
-        if not guard.is_finite():
-            element = self.limit.culprit()
-            guard.restore()
-            raise Diverged(
-                f"positions stopped being finite in frame {self.frame + 1} (t = {self.time:.6g} s, "
-                f"step {step:.3g} s) at {element}; give a smaller step, or another integrator"
-            )
-
-    def _advance_guarded(self, guard: Guard, count: int, step: float) -> tuple[int, float]:
-        """The same, again with half the step while the guard objects."""
-        first, last = step, None
-        guard.save()
-        for _ in range(MOST_TRIES):
-            self.stepper.advance(count, step, self.scene.gravity)
-            self.limit.moved()
-            cause = guard.breach(step)
-            if cause is None:
-                if last is not None:
-                    self.recoveries.append(last)
-                return count, step
-            element = self.limit.culprit()
-            guard.restore()
-            self.limit.moved()
-            count, step = 2 * count, step / 2
-            last = Recovery(self.time, cause, element, first, step)
-        assert last is not None
-        raise Diverged(_give_up(self, last))
 
     def is_driven(self) -> bool:
         """Whether loads or moved pins do work on the bodies."""
@@ -521,15 +492,6 @@ def _check_half_step(scene: Scene) -> None:
         if getattr(body.model, "mass", "lumped") != "lumped":
             problem = f"needs lumped masses, and body[{i}] has consistent ones"
             raise FieldError("start", problem, scene.start)
-
-
-def _give_up(simulation: Simulation, last: Recovery) -> str:
-    return (
-        f"the simulation failed in frame {simulation.frame + 1} (t = {simulation.time:.6g} s) at "
-        f"{last.element}: {last.cause}; even the step {last.step_after:.3g} s, "
-        f"{2**MOST_TRIES} times smaller than {last.step_before:.3g} s, did not help. "
-        "Move pins more slowly, make loads smaller or the material stiffer, or mend the element"
-    )
 
 
 def _nothing(_: Any) -> None:

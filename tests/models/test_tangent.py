@@ -5,7 +5,7 @@ import pytest
 
 import tisoft as ts
 from tisoft.dynamics.operators import Elastic
-from tisoft.dynamics.system import parts_of
+from tisoft.dynamics.part import parts_of
 
 SOLIDS = [ts.Linear, ts.MassTensor, ts.ViscoElastic, ts.NeoHookean]
 

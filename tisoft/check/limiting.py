@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tisoft.dynamics.part import Part
 from tisoft.dynamics.stable_step import longest_step, spring_frequencies
-from tisoft.dynamics.system import Part
 from tisoft.geometry.quality import smallest_altitudes
 from tisoft.models.materials import SolidModel
 from tisoft.simulation import Simulation

@@ -21,7 +21,7 @@ from scipy.sparse.csgraph import connected_components
 
 from tisoft.dynamics.loading import forces_of, pressure_tangent
 from tisoft.dynamics.operators import Elastic
-from tisoft.dynamics.system import Part
+from tisoft.dynamics.part import Part
 from tisoft.errors import NoEquilibrium
 from tisoft.loads import Load
 from tisoft.models.laws import LINEAR

@@ -20,7 +20,7 @@ from tisoft.checks import FieldError, inside
 from tisoft.dynamics.balance import held_axes
 from tisoft.dynamics.modes import body_modes
 from tisoft.dynamics.operators import Elastic, Floats
-from tisoft.dynamics.system import Part, parts_of
+from tisoft.dynamics.part import Part, parts_of
 from tisoft.models.materials import MassSpring, Model
 from tisoft.scene import Scene
 

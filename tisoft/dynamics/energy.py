@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from tisoft import runtime
 from tisoft.dynamics import plain
 from tisoft.dynamics.energy_kernels import spring_energies, tet_energies
-from tisoft.dynamics.system import Part, System, law_of
+from tisoft.dynamics.part import Part, law_of
+from tisoft.dynamics.system import System
 from tisoft.models import laws
 from tisoft.models.materials import SolidModel
 

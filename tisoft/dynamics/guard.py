@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft import runtime
+from tisoft.errors import Diverged
 
 if TYPE_CHECKING:
     from tisoft.simulation import Simulation
@@ -108,7 +109,57 @@ class Guard:
         self._highest, *start = state
         self._start = _Energies(*start) if start else None
 
-    def is_finite(self) -> bool:
+    def carry(self, count: int, step: float) -> tuple[int, float]:
+        """Make `count` substeps of `step` [s], again with half the step while there is a breach;
+        returns what carried.
+
+        Raises:
+            Diverged: when no step carries; the state is then the last good one.
+        """
+        simulation = self.simulation
+        first, last = step, None
+        self.save()
+        for _ in range(MOST_TRIES):
+            simulation.substep(count, step)
+            cause = self.breach(step)
+            if cause is None:
+                if last is not None:
+                    simulation.recoveries.append(last)
+                return count, step
+            element = simulation.limit.culprit()
+            self.restore()
+            simulation.limit.moved()
+            count, step = 2 * count, step / 2
+            last = Recovery(simulation.time, cause, element, first, step)
+        assert last is not None
+        raise Diverged(
+            f"the simulation failed in frame {simulation.frame + 1} (t = {last.time:.6g} s) at "
+            f"{last.element}: {last.cause}; even the step {last.step_after:.3g} s, "
+            f"{2**MOST_TRIES} times smaller than {last.step_before:.3g} s, did not help. "
+            "Move pins more slowly, make loads smaller or the material stiffer, or mend the element"
+        )
+
+    def watch(self, count: int, step: float) -> None:
+        """Make the substeps whatever comes of them; what is not finite is not kept.
+
+        Raises:
+            Diverged: when positions stop being finite; the state is then the last good one.
+        """
+        simulation = self.simulation
+        self.save()
+        simulation.substep(count, step)
+        if self._is_finite():
+            return
+        element = simulation.limit.culprit()
+        self.restore()
+        simulation.limit.moved()
+        raise Diverged(
+            f"positions stopped being finite in frame {simulation.frame + 1} "
+            f"(t = {simulation.time:.6g} s, step {step:.3g} s) at {element}; "
+            "give a smaller step, or another integrator"
+        )
+
+    def _is_finite(self) -> bool:
         """Whether all positions and velocities are numbers."""
         system = self.simulation.system
         with np.errstate(all="ignore"):

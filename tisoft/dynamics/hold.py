@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft import runtime
-from tisoft.dynamics.system import Part, System
+from tisoft.dynamics.part import Part
+from tisoft.dynamics.system import System
 from tisoft.pins import Pin
 
 SAME_TIME = 1e-9

@@ -21,8 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft import runtime
+from tisoft.dynamics.part import Part
 from tisoft.dynamics.pressure import PRESSURE_COLUMNS
-from tisoft.dynamics.system import Part, System
+from tisoft.dynamics.system import System
 from tisoft.loads import Load
 from tisoft.models.mass_spring import triangle_areas
 

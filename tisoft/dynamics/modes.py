@@ -20,8 +20,8 @@ from scipy.sparse.linalg import ArpackNoConvergence, eigsh, splu
 from tisoft.checks import FieldError
 from tisoft.dynamics.balance import held_axes
 from tisoft.dynamics.operators import Elastic
+from tisoft.dynamics.part import parts_of
 from tisoft.dynamics.statics import equilibrium, scene_of
-from tisoft.dynamics.system import parts_of
 from tisoft.errors import Diverged
 from tisoft.scene import Scene
 

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft.checks import FieldError
-from tisoft.dynamics.system import Part, System
+from tisoft.dynamics.part import Part
+from tisoft.dynamics.system import System
 from tisoft.models.materials import SolidModel
 from tisoft.scene import Plane, Scene
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from tisoft import runtime
-from tisoft.dynamics.system import Part, law_of
+from tisoft.dynamics.part import Part, law_of
 from tisoft.geometry.topology import incidence
 from tisoft.models import assembly, tangent
 from tisoft.models.laws import LINEAR, TENSOR, law_constants

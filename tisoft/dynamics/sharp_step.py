@@ -22,8 +22,9 @@ from scipy.linalg import eigh
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh, splu
 
 from tisoft.dynamics.operators import Elastic
+from tisoft.dynamics.part import Part
 from tisoft.dynamics.stable_step import DAMPING_FACTOR, longest_step
-from tisoft.dynamics.system import Part, System
+from tisoft.dynamics.system import System
 
 Floats = NDArray[np.float64]
 Operator = Callable[[Floats], Floats]

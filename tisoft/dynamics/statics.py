@@ -18,7 +18,7 @@ from tisoft import runtime
 from tisoft.checks import FieldError
 from tisoft.dynamics.balance import ACCEPTED, Balance
 from tisoft.dynamics.follow import Answer, balance_body
-from tisoft.dynamics.system import parts_of
+from tisoft.dynamics.part import parts_of
 from tisoft.errors import SceneError
 from tisoft.scene import Scene
 

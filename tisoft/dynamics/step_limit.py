@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tisoft import runtime
 from tisoft.dynamics.operators import Elastic
+from tisoft.dynamics.part import Part
 from tisoft.dynamics.sharp_step import sharp_limit
 from tisoft.dynamics.stable_step import (
     DAMPING_FACTOR,
@@ -19,7 +20,7 @@ from tisoft.dynamics.stable_step import (
     node_limits,
     spring_frequencies,
 )
-from tisoft.dynamics.system import Part, System
+from tisoft.dynamics.system import System
 from tisoft.models.laws import NEO_HOOKEAN, ST_VENANT
 
 SHARE = 0.9

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft import runtime
+from tisoft.dynamics.part import Part
 from tisoft.dynamics.step_limit import StepLimit
-from tisoft.dynamics.system import Part, System
+from tisoft.dynamics.system import System
 from tisoft.models.materials import Linear, MassSpring, MassTensor, NeoHookean
 
 TURN = 20.0

@@ -23,7 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft import runtime
-from tisoft.dynamics.system import Part, System, law_of
+from tisoft.dynamics.part import Part, law_of
+from tisoft.dynamics.system import System
 from tisoft.measures.kernels import tet_measures
 from tisoft.models import laws
 from tisoft.models.materials import SolidModel

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from tisoft import runtime
 from tisoft.body import Body
-from tisoft.dynamics.system import Part
+from tisoft.dynamics.part import Part
 from tisoft.errors import SceneError
 from tisoft.measures.elements import SpringMeasures
 from tisoft.models.mass_spring import triangle_areas

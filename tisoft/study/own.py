@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tisoft import runtime
 from tisoft.checks import FieldError
 from tisoft.dynamics.operators import Elastic
-from tisoft.dynamics.system import Part
+from tisoft.dynamics.part import Part
 from tisoft.errors import Diverged
 from tisoft.models.assembly import deformation
 from tisoft.scene import Scene

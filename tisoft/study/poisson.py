@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from tisoft import where
 from tisoft.body import Body
+from tisoft.dynamics.part import parts_of
 from tisoft.dynamics.sharp_step import sharp_limit
-from tisoft.dynamics.system import parts_of
 from tisoft.models.materials import Linear, lame_constants
 from tisoft.pins import Pin
 from tisoft.study import pictures

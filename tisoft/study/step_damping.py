@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft.dynamics.operators import Elastic
+from tisoft.dynamics.part import Part, parts_of
 from tisoft.dynamics.sharp_step import SharpLimit, sharp_limit
 from tisoft.dynamics.stable_step import DAMPING_FACTOR, longest_step
-from tisoft.dynamics.system import Part, parts_of
 from tisoft.study import pictures
 from tisoft.study.axis import Axis, Tick
 from tisoft.study.growth import Growth, GrowthBench, without_damping

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from tisoft import runtime
 from tisoft.body import Body
+from tisoft.dynamics.part import Part, parts_of
 from tisoft.dynamics.sharp_step import sharp_step
-from tisoft.dynamics.system import Part, System, parts_of
+from tisoft.dynamics.system import System
 from tisoft.errors import SceneError
 from tisoft.geometry.mesh import Mesh, TetMesh
 from tisoft.geometry.shapes import box
