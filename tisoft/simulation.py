@@ -35,6 +35,7 @@ from tisoft.dynamics.stepper import Stepper
 from tisoft.dynamics.system import System
 from tisoft.dynamics.watch import Watch
 from tisoft.measures.measures import Measures
+from tisoft.models.consistent_mass import ITERATIONS, residual_share
 from tisoft.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -447,6 +448,19 @@ class Simulation:
         held = runtime.read(system.held)
         a[(held[:, None] & np.array([1, 2, 4])) != 0] = 0.0
         return a
+
+    def mass_solve(self) -> dict[str, float] | None:
+        """Iterations of the last solve with the consistent mass, and its largest |f − M a| over the
+        largest |f|; None where all masses are lumped.
+        """
+        system = self.system
+        if not system.consistent:
+            return None
+        force = self._forces.internal() + system.mass[:, None] * np.asarray(self.scene.gravity)
+        residual = residual_share(
+            runtime.read(system.residual), runtime.read(system.diagonal), force
+        )
+        return {"iterations": ITERATIONS[self.precision], "residual": residual}
 
     def masses(self) -> Floats:
         """Lumped masses [kg], shape (nodes,), in the scene's order."""

@@ -22,7 +22,9 @@ def summary(
     """The result of a run; `wall_seconds` is stepping with what watched it, without compiling."""
     elements = sim.system.tets or sim.system.springs
     steps = sim.steps or [sim.substeps_of(1.0 / sim.scene.frame_rate)[1]]
-    return {
+    solve = sim.mass_solve()
+    more = {} if solve is None else {"mass_solve": solve}
+    return more | {
         "status": status,
         "time": sim.time,
         "frames": sim.frame,
