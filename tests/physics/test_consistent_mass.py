@@ -1,4 +1,4 @@
-"""Consistent mass: the fixed Chebyshev iteration solves M a = f to the rounding of the precision."""
+"""Consistent mass: a fixed Chebyshev iteration solves M a = f to the rounding of the floats."""
 
 import numpy as np
 import pytest
