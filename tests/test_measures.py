@@ -154,3 +154,11 @@ def test_what_belongs_to_another_scene_is_refused():
     _, stranger = _cube(ts.Linear, np.eye(3))
     with pytest.raises(ts.SceneError, match="not in this simulation's scene"):
         sim.measures.elements(stranger)
+
+
+def test_a_body_with_a_damping_ratio_is_measured_as_others_are():
+    sim, body = _cube(ts.NeoHookean, 2 * np.eye(3), damping_ratio=0.1, damping_at=5.0)
+    measured = sim.measures.elements(body)
+    assert sim.measures.inverted() == sim.measures.inverted(body) == measured.inverted == 0
+    sim, body = _cube(ts.NeoHookean, np.diag([-1, 1, 1]), damping_ratio=0.1, damping_at=5.0)
+    assert sim.measures.inverted() == sim.measures.inverted(body) == len(body.mesh.tets)

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 COUNTERS = ("time", "frame", "substeps", "wall_seconds", "compile_seconds", "start_seconds",
             "half_step_lag")  # fmt: skip
 
+STATE = ("u", "v", "held", "load", "pressed")
+"""The system's arrays; the last three, of the frame just made, tell reactions and velocities."""
+
 
 def save(
     simulation: Simulation, path: str | os.PathLike[str], *, notes: dict[str, Any] | None = None
@@ -39,8 +42,7 @@ def save(
         "notes": notes,
     }
     arrays = {
-        "u": runtime.read(system.u),
-        "v": runtime.read(system.v),
+        **{name: runtime.read(getattr(system, name)) for name in STATE},
         "shifts": np.array([part.shift for part in simulation.parts]),
         "steps": np.array(simulation.steps),
     }
@@ -78,8 +80,8 @@ def put(simulation: Simulation, content: Any, arrays: dict[str, NDArray[Any]]) -
         )
     for part, shift in zip(simulation.parts, arrays["shifts"], strict=True):
         part.shift = shift
-    runtime.write(system.u, arrays["u"].astype(system.real))
-    runtime.write(system.v, arrays["v"].astype(system.real))
+    for name in STATE:
+        runtime.write(getattr(system, name), arrays[name])
     for name, value in content["numbers"].items():
         setattr(simulation, name, value)
     simulation.steps = arrays["steps"].tolist()

@@ -250,7 +250,7 @@ class Simulation:
     def part(self, body: Body) -> Part:
         """A body's share of the arrays; raises SceneError for a body of another scene."""
         for part, own in zip(self.parts, self.scene.bodies, strict=True):
-            if own is body:
+            if body is own or body is part.body:  # the latter has its damping ratio turned
                 return part
         raise FieldError("body", "is not in this simulation's scene", getattr(body, "name", body))
 

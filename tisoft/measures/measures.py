@@ -54,9 +54,8 @@ class Measures:
 
     def inverted(self, body: Body | None = None) -> int:
         """Number of tets of a body, or of all, that are turned inside out or flat."""
-        bodies = [part.body for part in self._simulation.parts if not part.is_springs]
-        chosen = bodies if body is None else [b for b in bodies if b is body]
-        return sum(self._gauge(b).read().inverted for b in chosen)
+        parts = [part for part in self._parts(body) if not part.is_springs]
+        return sum(self._gauge(part.body).read().inverted for part in parts)
 
     def momentum(self, body: Body | None = None) -> Floats:
         """Linear momentum [kg·m/s] of a body, or of all, shape (3,)."""
