@@ -25,7 +25,7 @@ from tisoft.dynamics.hold import Holder
 from tisoft.dynamics.ledger import Ledger
 from tisoft.dynamics.loading import Loading, external_forces
 from tisoft.dynamics.modes import Mass, Modes, natural_modes
-from tisoft.dynamics.number_range import check_range
+from tisoft.dynamics.number_range import check_bound, check_range
 from tisoft.dynamics.obstacles import obstacle_kinds, obstacle_shapes
 from tisoft.dynamics.part import Part
 from tisoft.dynamics.reactions import reactions
@@ -118,9 +118,11 @@ class Simulation:
         with np.errstate(all="ignore"):  # what leaves the range of floats is refused by name
             self.system = System([damped_body(body) for body in scene.bodies], self.precision)
             check_range(self.system, scene)
-        self.limit = StepLimit(self.system, INTEGRATORS[scene.integrator])
+            self.limit = StepLimit(self.system, INTEGRATORS[scene.integrator])
+            check_bound(self.limit.rest_bound(), self.system)
         self.watch = Watch(self.system, self.limit)
         self._models = [body.model for body in scene.bodies]
+        self._gravity = scene.gravity
         self._set_start()
         self.compile_seconds = 0.0
         self.guard = Guard(self) if certify else None
@@ -332,7 +334,11 @@ class Simulation:
     def _refresh(self) -> None:
         """Take over what the caller changed since the last frame."""
         models = [body.model for body in self.scene.bodies]
-        if any(a is not b for a, b in zip(models, self._models, strict=True)):
+        changed = any(a is not b for a, b in zip(models, self._models, strict=True))
+        if self.guard is not None and (changed or self.scene.gravity != self._gravity):
+            self.guard.forget()  # energies are others than before
+        self._gravity = self.scene.gravity
+        if changed:
             for part, body in zip(self.parts, self.scene.bodies, strict=True):
                 part.body = damped_body(body)
             self.system.reread_models()
