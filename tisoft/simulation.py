@@ -122,7 +122,7 @@ class Simulation:
             check_bound(self.limit.rest_bound(), self.system)
         self.watch = Watch(self.system, self.limit)
         self._models = [body.model for body in scene.bodies]
-        self._gravity = scene.gravity
+        self._gravity = tuple(scene.gravity)
         self._set_start()
         self.compile_seconds = 0.0
         self.guard = Guard(self) if certify else None
@@ -335,9 +335,10 @@ class Simulation:
         """Take over what the caller changed since the last frame."""
         models = [body.model for body in self.scene.bodies]
         changed = any(a is not b for a, b in zip(models, self._models, strict=True))
-        if self.guard is not None and (changed or self.scene.gravity != self._gravity):
+        gravity = tuple(self.scene.gravity)
+        if self.guard is not None and (changed or gravity != self._gravity):
             self.guard.forget()  # energies are others than before
-        self._gravity = self.scene.gravity
+        self._gravity = gravity
         if changed:
             for part, body in zip(self.parts, self.scene.bodies, strict=True):
                 part.body = damped_body(body)
