@@ -22,7 +22,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tisoft import runtime
+from tisoft import runtime, scene_mesh
 from tisoft.check import report
 from tisoft.cli import COMMANDS, main
 from tisoft.geometry.shapes import box
@@ -263,6 +263,7 @@ class Laboratory:
 def laboratory(tmp_path_factory):
     patch = pytest.MonkeyPatch()
     patch.setattr(report, "TRIAL_SECONDS", 0.002)
+    patch.setattr(scene_mesh, "MOST_ELEMENTS", 20_000)  # what memory and time are measured for
     made, bind = Laboratory(tmp_path_factory.mktemp("fuzz")), runtime.bind
 
     def timed(*arguments):

@@ -34,6 +34,16 @@ def check_range(system: System, scene: Scene) -> None:
         _check(f"obstacle[{i}]", "position", "m", list(place), 0.0, room)
 
 
+def check_bound(bound: float, system: System) -> None:
+    """Raise FieldError where the bound on the step at rest [s] has left the range of floats."""
+    if not bound > 0.0:
+        problem = (
+            f"is too stiff for its mass: its stable step is below what {system.precision} can "
+            'tell; use precision = "f64", a smaller young, or a larger density'
+        )
+        raise FieldError("body", problem)
+
+
 def _of_part(part: Part) -> Iterator[tuple[str, str, Numbers, float]]:
     """Quantities with their units, and 1 where they must not vanish."""
     yield "position", "m", part.body.mesh.points.ravel(), 0.0
