@@ -39,7 +39,9 @@ def test_undamped_cantilever_keeps_its_energy(precision):
     swing = 38.0  # J of gravity energy between the ends of a swing, mgh
     assert np.abs(energies).max() < 0.005 * swing
     tenth = len(energies) // 10
-    drift = np.mean(energies[-tenth:]) - np.mean(energies[:tenth])
+    # Each change of the step shifts the energy that symplectic Euler conserves, (h/2) v·f; steps
+    # change while the beam falls for the first time.
+    drift = np.mean(energies[-tenth:]) - np.mean(energies[tenth : 2 * tenth])
     assert abs(drift) < 0.002 * swing
     assert sim.recoveries == []
 

@@ -130,6 +130,7 @@ class Guard:
             self.restore()
             simulation.limit.moved()
             count, step = 2 * count, step / 2
+            simulation.change_step(first, step)
             last = Recovery(simulation.time, cause, element, first, step)
         assert last is not None
         raise Diverged(
