@@ -460,9 +460,11 @@ class Simulation:
     def _acceleration(self) -> Floats:
         """Acceleration of all nodes [m/s²] in the present state, inside order; 0 on held axes."""
         system = self.system
-        force = self._forces.internal() + runtime.read(system.load)
-        if self.loading.pressure:
-            force += runtime.read(system.pressed)
+        force = self._forces.internal()
+        if self.loading.pressure:  # it follows the surface, so it is that of this very state
+            force += external_forces(self.parts, self.time, system.world())
+        else:
+            force += runtime.read(system.load)
         a = force / system.mass[:, None] + np.asarray(self.scene.gravity)
         drag = np.array([part.body.model.point_damping for part in self.parts])
         a -= drag[runtime.read(system.body)][:, None] * runtime.read(system.v)
