@@ -19,8 +19,9 @@ LAUNCH_WORK = 400_000
 SHORTEST = 8
 """Substeps per launch that are worth it for any scene."""
 TETS_PER_THREAD = 150
-TRIAL = 4
-"""Substeps of the launch that tries several threads again."""
+TRIAL, TRIAL_WORK = 4, 40_000
+"""Substeps, or tet-substeps, of the launch that tries several threads again: so many that calling
+them does not count, so few that waiting for a busy core does not hurt."""
 LONGEST_WAIT = 4096
 """Launches with one thread at the most before several are tried again."""
 SPRINGS_PER_TET = 3
@@ -82,6 +83,7 @@ class Stepper:
         self.pace = Pace(most if threads is None else max(1, min(threads, pool)))
         self.fixed = threads
         self.longest = max(SHORTEST, LAUNCH_WORK // max(1, work))
+        self.trial = max(TRIAL, TRIAL_WORK // max(1, work))
         self._arrived = runtime.array(np.zeros(1, np.int32))
         self._bind(*obstacles)
 
@@ -124,7 +126,7 @@ class Stepper:
         passes = substeps + (self.flags.integrator == VELOCITY_VERLET and substeps > 0)
         done = 0
         while done < passes:
-            now = min(passes - done, TRIAL if self._tries() else self.longest)
+            now = min(passes - done, self.trial if self._tries() else self.longest)
             threads = self.pace.threads() if self.fixed is None else self.pace.most
             begun = time.perf_counter()
             if runtime.on_cpu():
