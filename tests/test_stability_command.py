@@ -105,3 +105,15 @@ def test_interrupted_map_keeps_the_axes_that_are_done(scene, tmp_path, monkeypat
     names = {p.name for p in folder.iterdir()}
     assert "step-damping.png" in names
     assert not any(name.startswith((".", "poisson")) for name in names)
+
+
+def test_damping_ratio_is_part_of_the_map(scene, tmp_path, capsys):
+    """The map's stable step is that of the scene as it runs, viscosity included."""
+    damped = ["--set", "body.0.damping_ratio=0.02"]
+    assert main(["check", scene, "--json", *damped]) == 0
+    limit = json.loads(capsys.readouterr().out)["stable_step"]
+    folder = str(tmp_path / "map")
+    assert main(["stability", scene, "-o", folder, "--only", "rotation", "--json", *damped]) == 0
+    assert json.loads(capsys.readouterr().out)["status"] == "done"
+    page = (tmp_path / "map" / "stability.md").read_text()
+    assert f"stable step of {1e3 * limit:.4g} ms" in page

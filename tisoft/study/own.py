@@ -61,7 +61,7 @@ def look(subject: Subject, tick: Tick, *, run: bool = True) -> Own:
     """Find the scene's step, and run it where `run` asks for its deformation."""
     scene = subject.scene
     sim = Simulation(scene, certify=not subject.is_explicit)
-    part = next(p for p in sim.parts if p.body is subject.body)
+    part = sim.part(subject.body)
     try:
         step = sim.substeps_of(1.0 / scene.frame_rate)[1]
         stopped = ""

@@ -97,7 +97,7 @@ def _middle(points: Floats, masses: Floats) -> Floats:
 
 def _radius(sim: Simulation, body: Any) -> float:
     """Radius of gyration about z, up to a factor [m]."""
-    part = next(p for p in sim.parts if p.body is body)
+    part = sim.part(body)
     masses = sim.masses()[part.nodes]
     x = sim.positions(body)
     arm = (x - _middle(x, masses))[:, :2]

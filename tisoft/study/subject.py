@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tisoft import runtime
 from tisoft.body import Body
+from tisoft.dynamics.damping import damped_body
 from tisoft.dynamics.part import Part, parts_of
 from tisoft.dynamics.sharp_step import sharp_step
 from tisoft.dynamics.system import System
@@ -64,6 +65,8 @@ class Subject:
         if not scene.bodies:
             raise SceneError("the scene has no body, so there is nothing that could fail; add one")
         runtime.start()
+        # Damping ratios become viscosity here, once, for all that the study computes.
+        scene = dataclasses.replace(scene, bodies=[damped_body(body) for body in scene.bodies])
         self.scene = scene
         name = scene.integrator
         self.integrator_name = "symplectic-euler" if name == "explicit-euler" else name
