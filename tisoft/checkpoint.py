@@ -23,6 +23,7 @@ from tisoft.body import Body
 from tisoft.errors import SceneError
 from tisoft.geometry.mesh import SpringNet, TetMesh
 from tisoft.models import materials
+from tisoft.obstacles import OBSTACLES
 
 VERSION = 1
 
@@ -31,7 +32,7 @@ _CLASSES: dict[str, Any] = {
     for module, classes in {
         "": (
             scene.Scene, Body, TetMesh, SpringNet, pins.Pin, pins.Turn, loads.Load, loads.Torque,
-            scene_parts.Plane, scene_parts.Sphere, scene_parts.Box, scene_parts.Probe,
+            *OBSTACLES.values(), scene_parts.Probe,
             scene_parts.Camera, scene_parts.Render, *materials.MODELS.values(),
         ),
         "where": (

@@ -83,6 +83,11 @@ class Load:
         given = {"force": self.force, "traction": self.traction, "pressure": self.pressure}
         return next((key for key, value in given.items() if value is not None), "torque")
 
+    @property
+    def is_constant(self) -> bool:
+        """Whether it acts unchanged all the time."""
+        return not (self.start or self.ramp or self.table is not None or self.end is not None)
+
     def factor(self, time: float) -> float:
         """What the load is multiplied by at `time` [s]."""
         if self.table is not None:

@@ -3,73 +3,57 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tisoft import checkpoint, runtime
-from tisoft.dynamics.guard import Recovery
+from tisoft import checkpoint
 from tisoft.errors import SceneError
+from tisoft.motion import Motion
+from tisoft.stable.guard import Recovery
 
-if TYPE_CHECKING:
-    from tisoft.simulation import Simulation
-
-COUNTERS = ("time", "frame", "substeps", "wall_seconds", "compile_seconds", "start_seconds",
-            "half_step_lag")  # fmt: skip
-
-STATE = ("u", "v", "held", "load", "pressed")
-"""The system's arrays; the last three, of the frame just made, tell reactions and velocities."""
+COUNTERS = ("time", "frame", "substeps", "since_look", "wall_seconds", "half_step_lag")
+ARRAYS = ("u", "v", "held", "drive", "load", "pressed")
+"""The nodes' state; the last four, of the frame just made, tell reactions and velocities."""
 
 
 def save(
-    simulation: Simulation, path: str | os.PathLike[str], *, notes: dict[str, Any] | None = None
+    simulation: Motion, path: str | os.PathLike[str], *, notes: dict[str, Any] | None = None
 ) -> None:
     """Write the scene and the whole state of `simulation`, with a caller's notes (plain values)."""
-    system = simulation.system
-    numbers = {name: getattr(simulation, name) for name in COUNTERS}
-    recoveries = [vars(recovery) for recovery in simulation.recoveries]
     content = {
         "scene": simulation.scene,
         "precision": simulation.precision,
         "certify": simulation.certify,
-        "numbers": numbers,
-        "recoveries": recoveries,
+        "numbers": {name: getattr(simulation, name) for name in COUNTERS},
+        "recoveries": [vars(recovery) for recovery in simulation.recoveries],
         "limit": simulation.limit.state() if simulation.guard else None,
         "guard": simulation.guard.state() if simulation.guard else None,
         "ledger": simulation.account.state() if simulation.account else None,
         "watch": simulation.watch.state(),
         "notes": notes,
     }
+    holder = simulation.holder
+    state = (*simulation.system.motion(), holder.held, holder.drive, *simulation.system.loads())
     arrays = {
-        **{name: runtime.read(getattr(system, name)) for name in STATE},
+        **dict(zip(ARRAYS, state, strict=True)),
         "shifts": np.array([part.shift for part in simulation.parts]),
         "steps": np.array(simulation.steps),
     }
     checkpoint.write(path, content, arrays)
 
 
-def load(path: str | os.PathLike[str], *, arch: str = "cpu", threads: int | None = None) -> Any:
-    """The simulation that `save` wrote, ready to go on.
+def read(path: str | os.PathLike[str]) -> tuple[Any, dict[str, NDArray[Any]]]:
+    """What `save` wrote.
 
     Raises:
         SceneError: a file that is missing or damaged.
     """
-    from tisoft.simulation import Simulation
-
-    content, arrays = checkpoint.read(path)
-    simulation = Simulation(
-        content["scene"],
-        arch=arch,
-        precision=content["precision"],
-        certify=content["certify"],
-        threads=threads,
-    )
-    put(simulation, content, arrays)
-    return simulation
+    return checkpoint.read(path)
 
 
-def put(simulation: Simulation, content: Any, arrays: dict[str, NDArray[Any]]) -> None:
+def put(simulation: Motion, content: Any, arrays: dict[str, NDArray[Any]]) -> None:
     """Set a freshly made simulation of the same scene to a checkpoint's state."""
     system = simulation.system
     wanted = (system.count, 3)
@@ -80,10 +64,13 @@ def put(simulation: Simulation, content: Any, arrays: dict[str, NDArray[Any]]) -
         )
     for part, shift in zip(simulation.parts, arrays["shifts"], strict=True):
         part.shift = shift
-    for name in STATE:
-        runtime.write(getattr(system, name), arrays[name])
-    for name, value in content["numbers"].items():
-        setattr(simulation, name, value)
+    system.set_motion(arrays["u"], arrays["v"])
+    simulation.holder.held, simulation.holder.drive = arrays["held"], arrays["drive"]
+    simulation.holder.write()
+    system.set_loads(arrays["load"])
+    system.set_pressed(arrays["pressed"])
+    for name in COUNTERS:
+        setattr(simulation, name, content["numbers"][name])
     simulation.steps = arrays["steps"].tolist()
     simulation.recoveries = [Recovery(**recovery) for recovery in content["recoveries"]]
     if content["limit"] is not None:
@@ -91,8 +78,8 @@ def put(simulation: Simulation, content: Any, arrays: dict[str, NDArray[Any]]) -
     if simulation.guard is not None and content["guard"] is not None:
         simulation.guard.set_state(content["guard"])
     simulation.watch.set_state(content["watch"])
-    simulation.ledger = content["ledger"] is not None
-    if simulation.account is not None:
+    if content["ledger"] is not None:
+        simulation.open_account()
+        assert simulation.account is not None
         simulation.account.set_state(content["ledger"])
-    simulation.limit.moved()
     simulation.place_obstacles()

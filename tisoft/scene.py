@@ -17,7 +17,8 @@ from tisoft.geometry.mesh import Mesh
 from tisoft.loads import Load, Torque
 from tisoft.models.materials import Model
 from tisoft.pins import Pin, Turn
-from tisoft.scene_parts import Box, Camera, Obstacle, Plane, Probe, Render, Sphere
+from tisoft.obstacles import Box, Obstacle, Plane, Sphere
+from tisoft.scene_parts import Camera, Probe, Render
 from tisoft.where import Nearest, Nodes
 
 __all__ = [

@@ -33,7 +33,8 @@ from tisoft.scene_keys import (
     parse_toml,
     tables,
 )
-from tisoft.scene_parts import Box, Camera, Obstacle, Plane, Probe, Render, Sphere
+from tisoft.obstacles import OBSTACLES, Obstacle
+from tisoft.scene_parts import Camera, Probe, Render
 from tisoft.where import Selection
 
 LARGEST_FILE = 16 * 2**20
@@ -46,7 +47,6 @@ _SETTINGS = [
 _BODY = ("name", "model", "mesh", "pin", "load", "velocity", "spin")
 _INSTEAD_OF_YOUNG = ("material", "lame_lambda", "lame_mu")
 _MODEL_KEYS = {name: field_names(cls) for name, cls in MODELS.items()}
-_OBSTACLES: dict[str, type[Obstacle]] = {"plane": Plane, "sphere": Sphere, "box": Box}
 
 
 def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
@@ -150,11 +150,11 @@ def _scene(document: Table, folder: Path) -> Scene:
 
 
 def _obstacle(table: Any, field: str) -> Obstacle:
-    check_keys(table, field, (*_OBSTACLES, "friction"))
-    kind = checks.exactly_one(field, {key: table.get(key) for key in _OBSTACLES})
+    check_keys(table, field, (*OBSTACLES, "friction"))
+    kind = checks.exactly_one(field, {key: table.get(key) for key in OBSTACLES})
     with inside(field):
         friction = checks.number("friction", table.get("friction", 0.0), least=0.0)
-    return make(_OBSTACLES[kind], table[kind], joined(field, kind), friction=friction)
+    return make(OBSTACLES[kind], table[kind], joined(field, kind), friction=friction)
 
 
 def _add_body(scene: Scene, table: Any, field: str, folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""The small things of a scene: obstacles, probes, camera and picture settings.
+"""The small things of a scene: probes, camera and picture settings.
 
 All are frozen and checked once; to change one between frames, put a new one in its place.
 """
@@ -9,57 +9,6 @@ from dataclasses import dataclass
 
 from tisoft import checks
 from tisoft.checks import FieldError, Vector, keep_number, put
-
-
-@dataclass(frozen=True)
-class Plane:
-    """An obstacle: the half-space below a plane; `normal` points to the free side.
-
-    Args:
-        point: on the plane [m].
-        normal: of any length but 0; kept as a unit vector.
-        friction: Coulomb's coefficient.
-    """
-
-    point: Vector = (0.0, 0.0, 0.0)
-    normal: Vector = (0.0, 1.0, 0.0)
-    friction: float = 0.0
-
-    def __post_init__(self) -> None:
-        put(self, "point", checks.vector("point", self.point))
-        put(self, "normal", checks.direction("normal", self.normal))
-        keep_number(self, "friction", least=0.0)
-
-
-@dataclass(frozen=True)
-class Sphere:
-    """An obstacle: a ball about `center` [m] of `radius` [m]; `friction` is Coulomb's."""
-
-    center: Vector
-    radius: float
-    friction: float = 0.0
-
-    def __post_init__(self) -> None:
-        put(self, "center", checks.vector("center", self.center))
-        keep_number(self, "radius", above=0.0, unit="m")
-        keep_number(self, "friction", least=0.0)
-
-
-@dataclass(frozen=True)
-class Box:
-    """An obstacle: a box along the axes about `center` [m], `size` [m]; `friction` is Coulomb's."""
-
-    center: Vector
-    size: Vector
-    friction: float = 0.0
-
-    def __post_init__(self) -> None:
-        put(self, "center", checks.vector("center", self.center))
-        put(self, "size", checks.vector("size", self.size, above=0.0, unit="m"))
-        keep_number(self, "friction", least=0.0)
-
-
-Obstacle = Plane | Sphere | Box
 
 
 @dataclass(frozen=True)

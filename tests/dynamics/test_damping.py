@@ -5,8 +5,8 @@ import pytest
 
 import tisoft as ts
 from tisoft import where
-from tisoft.dynamics.damping import body_first_frequency, resolve_damping
-from tisoft.dynamics.modes import natural_modes
+from tisoft.equilibrium.damping import body_first_frequency, resolve_damping
+from tisoft.equilibrium.modes import natural_modes
 
 CLAMP = where.plane((0, 0, 0), (1, 0, 0))
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import tisoft as ts
-from tisoft.dynamics.loading import external_forces, mean_factor, pressure_tangent
+from tisoft.step.loading import external_forces, mean_factor, pressure_tangent
 from tisoft.loads import Load
 from tisoft.simulation import Simulation
 

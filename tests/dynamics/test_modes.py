@@ -6,7 +6,7 @@ from scipy.linalg import eigh
 
 import tisoft as ts
 from tisoft import where
-from tisoft.dynamics.modes import natural_modes
+from tisoft.equilibrium.modes import natural_modes
 
 CLAMP = where.plane((0, 0, 0), (1, 0, 0))
 STEEL_LIKE = {"young": 1e6, "poisson": 0.3, "density": 1000.0}

@@ -6,8 +6,8 @@ import pytest
 import tisoft as ts
 from tisoft import where
 from tisoft.dynamics import nodes
-from tisoft.dynamics.sharp_step import sharp_step
-from tisoft.dynamics.system import System
+from tisoft.stable.sharp import sharp_step
+from tisoft.model.system import System
 
 CLAMP = where.plane((0, 0, 0), (1, 0, 0))
 

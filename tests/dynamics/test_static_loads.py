@@ -6,7 +6,7 @@ from static_cases import bar, face_load
 
 import tisoft as ts
 from tisoft import where
-from tisoft.dynamics.statics import equilibrium
+from tisoft.equilibrium.statics import equilibrium
 
 
 @pytest.mark.parametrize("pressure", [1e3, 3e4, -1e5])

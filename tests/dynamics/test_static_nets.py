@@ -6,7 +6,7 @@ from static_cases import string
 
 import tisoft as ts
 from tisoft import where
-from tisoft.dynamics.statics import equilibrium
+from tisoft.equilibrium.statics import equilibrium
 
 
 def test_chain_hangs_longer_towards_its_top():

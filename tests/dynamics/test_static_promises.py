@@ -6,8 +6,8 @@ from static_cases import CLAMP, bar, face_load, row, string, tip
 
 import tisoft as ts
 from tisoft import where
-from tisoft.dynamics import linear_solve
-from tisoft.dynamics.statics import equilibrium
+from tisoft.equilibrium import linear_solve
+from tisoft.equilibrium.statics import equilibrium
 
 
 def test_turned_and_scaled_scene_gives_the_turned_and_scaled_answer():

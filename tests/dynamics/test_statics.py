@@ -6,7 +6,7 @@ from static_cases import CLAMP, bar, face_load, row, tip
 
 import tisoft as ts
 from tisoft import where
-from tisoft.dynamics.statics import equilibrium
+from tisoft.equilibrium.statics import equilibrium
 
 SAGGING = [  # REFERENCES A4: split, n, u_x, u_y, u_z [m], strain energy [J]
     ("six", 1, -0.02089171, 0.02986441, -0.18847779, 15.2038423),

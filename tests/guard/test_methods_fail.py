@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import tisoft as ts
-from tisoft.dynamics.sharp_step import sharp_limit
+from tisoft.stable.sharp import sharp_limit
 from tisoft.geometry.rigidity import rigidity
 from tisoft.simulation import Simulation
 

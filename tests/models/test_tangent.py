@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import tisoft as ts
-from tisoft.dynamics.operators import Elastic
-from tisoft.dynamics.part import parts_of
+from tisoft.equilibrium.operators import Elastic
+from tisoft.model.part import parts_of
 
 SOLIDS = [ts.Linear, ts.MassTensor, ts.ViscoElastic, ts.NeoHookean]
 

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tisoft.dynamics.part import Part
-from tisoft.dynamics.stable_step import longest_step, spring_frequencies
+from tisoft.model.part import Part
+from tisoft.elements.spring import frequencies
+from tisoft.stable.bound import average_at_nodes, longest_step
 from tisoft.geometry.quality import smallest_altitudes
 from tisoft.models.materials import SolidModel
 from tisoft.simulation import Simulation
@@ -44,12 +45,9 @@ class RestLimits:
         weight = self.weight.copy()
         if without is not None:
             weight[without] = 0.0
-        share = np.bincount(self.ends.ravel(), np.repeat(weight, 4))
-        used = share > 0.0
-        mean = [
-            np.bincount(self.ends.ravel(), np.repeat(a * weight, 4))[used] / share[used]
-            for a in (self.omega2, rate)
-        ]
+        nodes = len(self.part.order)
+        used = np.bincount(self.ends.ravel(), np.repeat(weight, 4), minlength=nodes) > 0.0
+        mean = [average_at_nodes(self.ends, weight, a, nodes)[used] for a in (self.omega2, rate)]
         return longest_step(mean[0], mean[1])
 
     def worst(self) -> int:
@@ -68,16 +66,15 @@ class RestLimits:
 
 def rest_limits(sim: Simulation) -> list[RestLimits]:
     """Every body's bounds at rest."""
-    omega2, rate, _ = sim.system.element_frequencies()
     found = []
     for part in sim.parts:
         drag = part.body.model.point_damping
         if part.is_springs:
             ends, weight, kind = part.springs.astype(np.int32), np.empty(0), "spring"
-            modes = spring_frequencies(part.springs, part.spring_numbers, 1.0 / part.mass)
+            modes = frequencies(part.springs, part.spring_numbers, 1.0 / part.mass)
         else:
             ends, weight, kind = part.tets, part.volume, "tet"
-            modes = omega2[part.place], rate[part.place]
+            modes = part.frequencies()[:2]
         damping = sim.limit.factor * (modes[1] + drag)
         found.append(RestLimits(part, kind, ends, weight, modes[0], damping))
     return found

@@ -15,7 +15,7 @@ from tisoft.scene import Scene
 from tisoft.whole_files import as_json, make_folder, write_text
 
 if TYPE_CHECKING:
-    from tisoft.dynamics.modes import Modes
+    from tisoft.equilibrium.modes import Modes
 
 HELP = "the lowest natural frequencies of a scene, and films of the shapes"
 EXAMPLES = """examples:
@@ -57,7 +57,7 @@ def execute(options: argparse.Namespace) -> int:
         raise SceneError(f"--shape is {options.shape}; it must be from 1 to {options.count} (-n)")
     scene = common.scene_of(options)
     runtime.import_taichi()
-    from tisoft.dynamics.modes import natural_modes
+    from tisoft.equilibrium.modes import natural_modes
 
     runtime.start(options.arch)
     found = natural_modes(scene, options.count, about=options.about)

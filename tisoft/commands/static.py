@@ -13,7 +13,7 @@ from tisoft.errors import NoEquilibrium
 from tisoft.whole_files import as_json, make_folder, write_text
 
 if TYPE_CHECKING:
-    from tisoft.dynamics.statics import Equilibrium
+    from tisoft.equilibrium.statics import Equilibrium
     from tisoft.simulation import Simulation
 
 HELP = "find the static equilibrium of a scene, followed from rest"
@@ -39,7 +39,7 @@ def execute(options: argparse.Namespace) -> int:
     """Solve and report; exit code 4 where no equilibrium was found."""
     scene = common.scene_of(options)
     runtime.import_taichi()
-    from tisoft.dynamics.statics import equilibrium
+    from tisoft.equilibrium.statics import equilibrium
     from tisoft.simulation import Simulation
 
     picture = bool(options.output) and Path(options.output).suffix.lower() == ".png"

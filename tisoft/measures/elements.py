@@ -15,7 +15,6 @@ ones, without viscosity.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,11 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft import runtime
-from tisoft.dynamics.part import Part, law_of
-from tisoft.dynamics.system import System
-from tisoft.measures.kernels import tet_measures
-from tisoft.models import laws
-from tisoft.models.materials import SolidModel
+from tisoft.equilibrium.operators import plain_body
+from tisoft.measures.kernels import make_measures
+from tisoft.model.part import Part
+from tisoft.model.system import System
 
 Floats = NDArray[np.float64]
 
@@ -64,42 +62,43 @@ class SpringMeasures:
 
 
 class TetGauge:
-    """Measures the tets of one body in a System's present state."""
+    """Measures the tets of one body, on fields of its own in f64 (where the device has it)."""
 
-    def __init__(self, system: System, part: Part) -> None:
-        assert isinstance(part.body.model, SolidModel)
+    def __init__(self, part: Part) -> None:
         self.part = part
-        wide = np.float64 if runtime.has_f64() else np.float32
+        precision = "f64" if runtime.has_f64() else "f32"
+        self._system = System([plain_body(part.body)], precision)
+        self._model = part.body.model
+        share = self._system.shares[0]
+        self._first = share.row("batches")
+        # The mesh's own order, so that nothing is permuted afterwards.
+        own = self._system.parts[0]
+        self._place = own.place[np.argsort(own.tet_order)].astype(np.int32)
+        kernels = self._system.lease.arena.kernels
+        key = ("measures", share.block)
+        if key not in kernels:
+            kernels[key] = make_measures(self._system.state, share.block)
+        self._launch = kernels[key]
         count = len(part.tets)
         shapes: list[tuple[int, ...]] = [(count, 3, 3)] * 3 + [(count,)] * 2
-        self._outs = [runtime.array(np.zeros(shape, wide)) for shape in shapes]
-        self._numbers = runtime.array(np.zeros(2, wide))
-        self._law = law_of(part.body.model)
-        # The mesh's own order, so that nothing is permuted afterwards.
-        back = np.argsort(part.tet_order)
-        tets = np.ascontiguousarray((part.tets + part.start)[back], np.int32)
-        gradient = np.ascontiguousarray(part.gradient[back], wide)
-        self._launch: Callable[..., None] = runtime.bind(
-            tet_measures, self._law, runtime.array(tets), runtime.array(gradient), self._numbers,
-            system.u, *self._outs,
-        )  # fmt: skip
+        self._outs = [np.zeros(shape, self._system.real) for shape in shapes]
 
-    def read(self) -> TetMeasures:
-        """The tets' present strain and stress."""
-        model = self.part.body.model
-        assert isinstance(model, SolidModel)
-        numbers = laws.law_constants(self._law, model.lame_lambda, model.lame_mu)
-        runtime.write(self._numbers, np.array(numbers))
-        self._launch()
-        return TetMeasures(*(np.array(runtime.read(out), np.float64) for out in self._outs))
+    def read(self, u: NDArray[Any]) -> TetMeasures:
+        """The tets' strain and stress at displacements u [m] of the body's nodes."""
+        if self.part.body.model is not self._model:
+            self._model = self.part.body.model
+            self._system.parts[0].body = plain_body(self.part.body)
+            self._system.reread_models()
+        self._system.set_motion(u, np.zeros_like(u))
+        self._launch(self._first, self._place, *self._outs)
+        return TetMeasures(*(np.array(out, np.float64) for out in self._outs))
 
 
-def measure_springs(system: System, part: Part) -> SpringMeasures:
-    """The springs' present strain and tension."""
-    u = np.asarray(runtime.read(system.u)[part.nodes], np.float64)
-    rest = system.rest_host[part.nodes]
+def measure_springs(part: Part, u: Floats) -> SpringMeasures:
+    """The springs' strain and tension at displacements u [m] of the body's nodes."""
+    numbers, rest = part.spring_numbers, part.rest
     i, j = part.springs.T
-    k, natural = part.spring_numbers[:, 0], part.spring_numbers[:, 1]
+    k, natural = numbers[:, 0], numbers[:, 1]
     d, change = rest[j] - rest[i], u[j] - u[i]
     length, own = np.linalg.norm(d + change, axis=1), np.linalg.norm(d, axis=1)
     # As in the force: small strains keep their digits.

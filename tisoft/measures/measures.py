@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,17 +16,26 @@ from tisoft.measures.elements import (
     measure_springs,
 )
 from tisoft.measures.momentum import angular_momentum, linear_momentum
-
-if TYPE_CHECKING:
-    from tisoft.simulation import Simulation
+from tisoft.model.part import Part
+from tisoft.model.system import System
 
 Floats = NDArray[np.float64]
+
+
+class Measured(Protocol):
+    """What measures ask of a running scene."""
+
+    system: System
+
+    def part(self, body: Body) -> Part:
+        """A body's share of the arrays."""
+        ...
 
 
 class Measures:
     """Reads strain, stress and momentum off a simulation's present state, `simulation.measures`."""
 
-    def __init__(self, simulation: Simulation) -> None:
+    def __init__(self, simulation: Measured) -> None:
         self._simulation = simulation
         self._gauges: dict[int, TetGauge] = {}
         self._averages: dict[int, NodalAverage] = {}
@@ -35,8 +44,8 @@ class Measures:
         """Strain and stress of a body's tets, in the mesh's order, or of its springs."""
         part = self._simulation.part(body)
         if part.is_springs:
-            return measure_springs(self._simulation.system, part)
-        return self._gauge(body).read()
+            return measure_springs(part, self._u(part))
+        return self._gauge(part).read(self._u(part))
 
     def nodal(self, body: Body, values: Any) -> Floats:
         """Averages at nodes, shape (nodes, …), of values per tet (weighted by volume) or spring."""
@@ -55,7 +64,7 @@ class Measures:
     def inverted(self, body: Body | None = None) -> int:
         """Number of tets of a body, or of all, that are turned inside out or flat."""
         parts = [part for part in self._parts(body) if not part.is_springs]
-        return sum(self._gauge(part.body).read().inverted for part in parts)
+        return sum(self._gauge(part).read(self._u(part)).inverted for part in parts)
 
     def momentum(self, body: Body | None = None) -> Floats:
         """Linear momentum [kg·m/s] of a body, or of all, shape (3,)."""
@@ -67,10 +76,12 @@ class Measures:
 
     def _parts(self, body: Body | None) -> Any:
         simulation = self._simulation
-        return simulation.parts if body is None else [simulation.part(body)]
+        return simulation.system.parts if body is None else [simulation.part(body)]
 
-    def _gauge(self, body: Body) -> TetGauge:
-        part = self._simulation.part(body)
+    def _u(self, part: Part) -> Floats:
+        return self._simulation.system.u[part.nodes].astype(np.float64)
+
+    def _gauge(self, part: Part) -> TetGauge:
         if part.index not in self._gauges:
-            self._gauges[part.index] = TetGauge(self._simulation.system, part)
+            self._gauges[part.index] = TetGauge(part)
         return self._gauges[part.index]

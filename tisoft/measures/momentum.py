@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tisoft import runtime
-from tisoft.dynamics.part import Part
-from tisoft.dynamics.system import System
+from tisoft.model.part import Part
+from tisoft.model.system import System
 from tisoft.models.materials import SolidModel
 
 Floats = NDArray[np.float64]
@@ -21,7 +20,7 @@ Floats = NDArray[np.float64]
 
 def linear_momentum(system: System, parts: Sequence[Part]) -> Floats:
     """p [kg·m/s] of some bodies, shape (3,); consistent mass gives the same as lumped."""
-    v = np.asarray(runtime.read(system.v), np.float64)
+    v = system.v.astype(np.float64)
     total = np.zeros(3)
     for part in parts:
         total += part.mass @ v[part.nodes]
@@ -31,7 +30,7 @@ def linear_momentum(system: System, parts: Sequence[Part]) -> Floats:
 def angular_momentum(system: System, parts: Sequence[Part], about: Any) -> Floats:
     """L about a point [m] of some bodies [kg·m²/s], shape (3,)."""
     x = system.world() - np.asarray(about, np.float64)
-    v = np.asarray(runtime.read(system.v), np.float64)
+    v = system.v.astype(np.float64)
     total = np.zeros(3)
     for part in parts:
         total += _spin(part, x[part.nodes], v[part.nodes])

@@ -20,7 +20,6 @@ from tisoft.body import Body
 from tisoft.geometry.mesh import Mesh
 from tisoft.geometry.topology import TET_EDGES
 from tisoft.models.materials import MassSpring
-from tisoft.models.tets import lumped_masses
 
 Floats = NDArray[np.float64]
 
@@ -111,24 +110,9 @@ def _masses(mesh: Mesh, model: MassSpring) -> Floats:
         return np.broadcast_to(np.asarray(model.node_mass, float), (nodes,)).copy()
     assert model.density is not None
     if len(mesh.tets):
-        return lumped_masses(mesh.tets, _volumes(mesh), model.density, nodes)
+        quarters = np.repeat(model.density * _volumes(mesh) / 4.0, 4)
+        return np.bincount(mesh.tets.ravel(), quarters, minlength=nodes).astype(np.float64)
     assert model.thickness is not None
     thirds = model.density * model.thickness * triangle_areas(mesh.points, mesh.surface) / 3.0
     weights = np.repeat(thirds, 3)
     return np.bincount(mesh.surface.ravel(), weights, minlength=nodes).astype(np.float64)
-
-
-def half_springs(
-    ends: NDArray[np.int64], nodes: int
-) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int64]]:
-    """Each spring seen from both of its ends, in lists by node: (starts, neighbour, spring).
-
-    Node n's rows are starts[n]:starts[n + 1], in the order of the springs.
-    """
-    first = np.concatenate([ends[:, 0], ends[:, 1]])
-    other = np.concatenate([ends[:, 1], ends[:, 0]])
-    spring = np.tile(np.arange(len(ends)), 2)
-    order = np.lexsort((spring, first))
-    starts = np.zeros(nodes + 1, np.int32)
-    np.cumsum(np.bincount(first, minlength=nodes), out=starts[1:])
-    return starts, other[order], spring[order]

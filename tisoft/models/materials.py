@@ -95,6 +95,8 @@ class SolidModel:
     damping_at: float | None = None
 
     masses: ClassVar[tuple[MassKind, ...]] = ("lumped",)
+    law: ClassVar[str]
+    """Word of its stress law in `laws.LAWS`."""
 
     def __post_init__(self) -> None:
         keep_number(self, "young", above=0.0, unit="Pa")
@@ -134,6 +136,7 @@ class SolidModel:
 class ViscoElastic(SolidModel):
     """St. Venant-Kirchhoff solid with viscosity, for large displacements."""
 
+    law = "viscoelastic"
     masses: ClassVar[tuple[MassKind, ...]] = ("lumped", "consistent")
 
 
@@ -141,6 +144,7 @@ class ViscoElastic(SolidModel):
 class Linear(SolidModel):
     """Linear elasticity, for small displacements and rotations."""
 
+    law = "linear"
     masses: ClassVar[tuple[MassKind, ...]] = ("lumped", "consistent")
 
 
@@ -148,10 +152,14 @@ class Linear(SolidModel):
 class MassTensor(SolidModel):
     """Linear elasticity with its stiffness stored on nodes and edges."""
 
+    law = "linear"
+
 
 @dataclass(frozen=True)
 class NeoHookean(SolidModel):
     """Stable neo-Hookean solid with viscosity: finds its way back from being turned inside out."""
+
+    law = "neo-hookean"
 
 
 @dataclass(frozen=True, eq=False)

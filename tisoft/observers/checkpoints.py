@@ -113,7 +113,7 @@ class Checkpoints:
     ) -> None:
         self.path = folder / NAME
         self.tables = tables
-        self.every = sim.scene.checkpoint_every
+        self.every = self.looks_every = sim.scene.checkpoint_every
         self._notes = notes
         self._same = {"scene": described(sim.scene), "arch": sim.arch}
         self._last = sim.frame if sim.frame else None

@@ -14,6 +14,8 @@ from tisoft.simulation import Frame, Simulation
 class Progress:
     """Counts frames on standard error where that is a terminal."""
 
+    looks_every = 0
+
     def __init__(self, label: str, *, quiet: bool = False) -> None:
         self.label = label
         self.quiet = quiet
@@ -49,6 +51,8 @@ class Interruption:
     It must be the last of the observers.  A second Ctrl-C ends the run at once.
     """
 
+    looks_every = 0
+
     def __init__(self) -> None:
         self._asked = False
         self.is_between_frames = False
@@ -65,7 +69,7 @@ class Interruption:
         self._asked = True
 
     def on_frame(self, frame: Frame) -> None:
-        if self._asked:
+        if self._asked and frame.index == frame.simulation.frame:  # the last of those made together
             self.is_between_frames = True
             raise KeyboardInterrupt
 

@@ -15,14 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tisoft import runtime
 from tisoft.body import Body
-from tisoft.dynamics.part import Part
+from tisoft.model.part import Part
 from tisoft.errors import SceneError
 from tisoft.measures.elements import SpringMeasures
 from tisoft.models.mass_spring import triangle_areas
 from tisoft.models.materials import MassSpring
-from tisoft.models.tets import lumped_masses
 from tisoft.simulation import Simulation
 
 Floats = NDArray[np.float64]
@@ -52,7 +50,7 @@ def node_values(sim: Simulation, name: str) -> Floats:
     if name == "speed":
         speeds: Floats = np.linalg.norm(sim.velocities(), axis=1)
         return speeds
-    u = np.array(runtime.read(sim.system.u), np.float64)
+    u = sim.system.u.astype(np.float64)
     values = np.zeros(sim.system.count)
     for part, body in zip(sim.parts, sim.scene.bodies, strict=True):
         values[part.nodes] = _of_body(sim, part, body, name == "stress", u[part.nodes])
@@ -102,7 +100,8 @@ def _node_volumes(part: Part) -> Floats:
     if len(mesh.tets):
         corners = mesh.points[mesh.tets]
         volumes = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6.0
-        return lumped_masses(mesh.tets, volumes, 1.0, count)[part.order]
+        shares = np.bincount(mesh.tets.ravel(), np.repeat(volumes / 4.0, 4), minlength=count)
+        return shares[part.order].astype(np.float64)
     if body.model.thickness is None or not len(mesh.surface):
         raise SceneError(
             f'the springs of "{body.name}" have no volume, so no stress; '

@@ -32,6 +32,7 @@ class Table:
     """
 
     name = ""
+    looks_every = 0
 
     def __init__(self, folder: Path, *, goes_on: bool = False) -> None:
         self._file = WholeFile(folder / self.name)
@@ -41,7 +42,7 @@ class Table:
         """Names of the columns after the time."""
         raise NotImplementedError
 
-    def row(self, sim: Simulation) -> list[float | None]:
+    def row(self, frame: Frame) -> list[float | None]:
         """Values of the columns after the time."""
         raise NotImplementedError
 
@@ -75,7 +76,7 @@ class Table:
         self._file.publish()
 
     def on_frame(self, frame: Frame) -> None:
-        self._write([frame.time, *self.row(frame.simulation)])
+        self._write([frame.time, *self.row(frame)])
 
     def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
         self._file.__exit__(kind, *rest)
@@ -94,12 +95,8 @@ class ProbeTable(Table):
     def header(self, sim: Simulation) -> list[str]:
         return [f"{probe.name}.{axis}" for probe in sim.scene.probes for axis in "xyz"]
 
-    def row(self, sim: Simulation) -> list[float | None]:
-        cells: list[float | None] = []
-        for probe in sim.scene.probes:
-            body, node = sim.scene.probed_node(probe)
-            cells += [float(x) for x in sim.positions(body)[node]]
-        return cells
+    def row(self, frame: Frame) -> list[float | None]:
+        return [float(x) for x in frame.probes().ravel()]
 
 
 class EnergyTable(Table):
@@ -110,8 +107,9 @@ class EnergyTable(Table):
     def header(self, sim: Simulation) -> list[str]:
         return list(ENERGIES)
 
-    def row(self, sim: Simulation) -> list[float | None]:
-        return list(energies(sim).values())
+    def row(self, frame: Frame) -> list[float | None]:
+        known = frame.energy()
+        return [known[key] for key in ENERGIES]
 
 
 class States:
@@ -123,7 +121,7 @@ class States:
 
     def __init__(self, folder: Path, every: int, *, goes_on: bool = False) -> None:
         self.folder = folder
-        self.every = every
+        self.every = self.looks_every = every
         self._goes_on = goes_on
         self._saved: list[tuple[float, str]] = []
         self._files: StateFiles | None = None

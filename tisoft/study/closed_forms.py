@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tisoft.models.laws import NEO_HOOKEAN, law_constants
+from tisoft.laws.neo_hookean import NeoHookean
 from tisoft.models.materials import lame_constants
 from tisoft.study.subject import Material
 
@@ -25,7 +25,7 @@ def predicted_stress(name: str, m: Material) -> Stress:
     """The closed forms."""
     lam, mu = lame_constants(m.young, m.poisson)
     if name == "neo-hookean":
-        lam_, mu_ = law_constants(NEO_HOOKEAN, lam, mu)
+        lam_, mu_ = NeoHookean.constants(lam, mu)
         alpha = 1.0 + 0.75 * mu_ / lam_
 
         def neo_hookean(a: float, t: float) -> tuple[float, float]:
@@ -65,7 +65,7 @@ def predicted_energy(name: str, m: Material) -> Callable[[float], float]:
     """Energy density [J/m³] at a stretch with the sides held, by closed forms."""
     lam, mu = lame_constants(m.young, m.poisson)
     if name == "neo-hookean":
-        lam_, mu_ = law_constants(NEO_HOOKEAN, lam, mu)
+        lam_, mu_ = NeoHookean.constants(lam, mu)
 
         def neo_hookean(a: float) -> float:
             i, j = a * a - 1.0, a - 1.0

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
-from tisoft.dynamics.operators import Elastic
+from tisoft.equilibrium.operators import Elastic
 from tisoft.study import pictures
 from tisoft.study.axis import Axis, Tick
 from tisoft.study.closed_forms import Stress, predicted_energy, predicted_stress

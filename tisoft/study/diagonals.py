@@ -18,8 +18,8 @@ from scipy.sparse.linalg import splu
 
 from tisoft import where
 from tisoft.body import Body
-from tisoft.dynamics.operators import Elastic
-from tisoft.dynamics.part import parts_of
+from tisoft.equilibrium.operators import Elastic
+from tisoft.model.part import parts_of
 from tisoft.geometry.mesh import bare_net
 from tisoft.geometry.rigidity import rigidity
 from tisoft.geometry.shapes import grid

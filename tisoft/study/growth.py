@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tisoft import runtime
 from tisoft.body import Body
 from tisoft.models.materials import MassSpring, Model
 from tisoft.simulation import Simulation
@@ -57,15 +56,14 @@ class GrowthBench:
         """Run from rest in the shape `mode` with substeps of `step` [s]."""
         system, size = self.sim.system, self.sim.parts[0].size
         self.body.model = model
-        runtime.write(system.u, AMPLITUDE * size / float(np.abs(mode).max()) * mode)
-        runtime.write(system.v, np.zeros_like(mode))
+        system.set_motion(AMPLITUDE * size / float(np.abs(mode).max()) * mode, 0.0 * mode)
         self.scene.step = step
         self.scene.frame_rate = 1.0 / (CHUNK * step)
         looks = [AMPLITUDE]
         with np.errstate(all="ignore"):
             while len(looks) <= CHUNKS:
                 self.sim.step()
-                here = float(np.abs(runtime.read(system.u)).max()) / size
+                here = float(np.abs(system.u).max()) / size
                 looks.append(here if np.isfinite(here) else np.inf)
                 if not looks[-1] < ENOUGH * AMPLITUDE:
                     break

@@ -8,10 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from tisoft import runtime
 from tisoft.checks import FieldError
-from tisoft.dynamics.operators import Elastic
-from tisoft.dynamics.part import Part
+from tisoft.equilibrium.operators import Elastic
+from tisoft.model.part import Part
 from tisoft.errors import Diverged
 from tisoft.models.assembly import deformation
 from tisoft.scene import Scene
@@ -96,7 +95,7 @@ def _run(sim: Simulation, scene: Scene, own: Own, tick: Tick) -> None:
 
 
 def _note(sim: Simulation, own: Own) -> None:
-    u = np.array(runtime.read(sim.system.u), np.float64)
+    u = sim.system.u.astype(np.float64)
     for part in sim.parts:
         here = u[part.nodes]
         if len(part.springs):

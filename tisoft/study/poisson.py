@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from tisoft import where
 from tisoft.body import Body
-from tisoft.dynamics.part import parts_of
-from tisoft.dynamics.sharp_step import sharp_limit
+from tisoft.model.part import parts_of
+from tisoft.stable.sharp import sharp_limit
 from tisoft.models.materials import Linear, lame_constants
 from tisoft.pins import Pin
 from tisoft.study import pictures
@@ -108,7 +108,7 @@ def measure(subject: Subject, own: Own, tick: Tick) -> Axis:
     rows = []
     for nu in RATIOS:
         body.model = Linear(young, nu, density)
-        step = sharp_limit(parts_of([body])[0], integrator=subject.integrator).step
+        step = sharp_limit(parts_of([body])[0], integrator=subject.integrator_name).step
         unlocked = np.interp(_depth(nu), [_depth(known) for known in YARDSTICKS], yardsticks)
         rows.append(Row(nu, step, linear.of(*lame_constants(young, nu)), float(unlocked)))
         tick()

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tisoft.dynamics.operators import Elastic
+from tisoft.equilibrium.operators import Elastic
 from tisoft.models.materials import lame_constants
 from tisoft.scene import Scene
 from tisoft.simulation import Simulation

@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tisoft.dynamics.operators import Elastic
-from tisoft.dynamics.part import Part, parts_of
-from tisoft.dynamics.sharp_step import SharpLimit, sharp_limit
-from tisoft.dynamics.stable_step import DAMPING_FACTOR, longest_step
+from tisoft.equilibrium.operators import Elastic
+from tisoft.model.part import Part, parts_of
+from tisoft.stable.sharp import SharpLimit, sharp_limit
+from tisoft.stable.bound import longest_step
+from tisoft.step.stepper import INTEGRATORS
 from tisoft.study import pictures
 from tisoft.study.axis import Axis, Tick
 from tisoft.study.growth import Growth, GrowthBench, without_damping
@@ -65,7 +66,7 @@ class Damping:
     def __init__(self, subject: Subject) -> None:
         self.body = alone(subject.body).bodies[0]
         self.is_springs = subject.is_springs
-        self.integrator = subject.integrator
+        self.integrator = subject.integrator_name
         self._bare = without_damping(subject.body.model)
         undamped = self.limit(self._bare)
         self.mode = undamped.mode
@@ -169,7 +170,7 @@ def _agreement(points: list[Point], wrong: list[Point]) -> str:
 
 def _sentence(subject: Subject, own: Own, levels: Damping) -> str:
     limit = own.limit
-    half = levels.words(0.75 / DAMPING_FACTOR[subject.integrator])
+    half = levels.words(0.75 / INTEGRATORS[subject.integrator_name].damping_factor)
     text = f"A step above {limit * 1e3:.4g} ms blows {subject.body.name!r} up"
     if own.step > limit:
         text += f"; the scene asks for {own.step * 1e3:.4g} ms, which tisoft refuses"
@@ -183,7 +184,7 @@ def _sentence(subject: Subject, own: Own, levels: Damping) -> str:
 
 def _draw(figure: Any, points: list[Point], subject: Subject, own: Own, levels: Damping) -> None:
     left, right = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
-    factor = DAMPING_FACTOR[subject.integrator]
+    factor = INTEGRATORS[subject.integrator_name].damping_factor
     top = max(p.damping for p in points)
     fine = np.linspace(0.0, np.sqrt(1.1 * top), 200) ** 2
     predicted = 1e3 * curve(levels.omega, fine, factor)

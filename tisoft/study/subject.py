@@ -12,17 +12,16 @@ from numpy.typing import NDArray
 
 from tisoft import runtime
 from tisoft.body import Body
-from tisoft.dynamics.damping import damped_body
-from tisoft.dynamics.part import Part, parts_of
-from tisoft.dynamics.sharp_step import sharp_step
-from tisoft.dynamics.system import System
+from tisoft.equilibrium.damping import damped_body
+from tisoft.model.part import Part, parts_of
+from tisoft.stable.sharp import sharp_step
+from tisoft.model.system import System
 from tisoft.errors import SceneError
 from tisoft.geometry.mesh import Mesh, TetMesh
 from tisoft.geometry.shapes import box
 from tisoft.models.mass_spring import network, triangle_areas
 from tisoft.models.materials import Linear, MassSpring, NeoHookean, SolidModel, ViscoElastic
 from tisoft.scene import Scene
-from tisoft.simulation import INTEGRATORS
 
 Floats = NDArray[np.float64]
 
@@ -70,8 +69,7 @@ class Subject:
         self.scene = scene
         name = scene.integrator
         self.integrator_name = "symplectic-euler" if name == "explicit-euler" else name
-        self.integrator = INTEGRATORS[self.integrator_name]
-        steps = [sharp_step(System([b], "f64"), integrator=self.integrator) for b in scene.bodies]
+        steps = [sharp_step(System([b], "f64"), integrator=self.integrator_name) for b in scene.bodies]
         self.body: Body = scene.bodies[int(np.argmin(steps))]
         self.limit = min(steps)
         """The stable step of the scene [s], damping included."""
@@ -89,7 +87,7 @@ class Subject:
     @property
     def is_explicit(self) -> bool:
         """Whether the scene asks for explicit Euler, which no step makes stable."""
-        return self.integrator != INTEGRATORS[self.scene.integrator]
+        return self.integrator_name != self.scene.integrator
 
     @cached_property
     def size(self) -> Floats:

@@ -1,1 +1,0 @@
-"""State, time stepping, stable steps, statics and modes."""

@@ -1,0 +1,1 @@
+"""Elements, one file each: rest numbers, forces, energy, product, frequency bound."""

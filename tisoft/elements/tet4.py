@@ -1,0 +1,151 @@
+# mypy: ignore-errors
+"""Linear tet: one stress, constant in the element (O'Brien and Hodgins 1999, section 3).
+
+    ∇N_1..3 = rows of [X_1 − X_0, X_2 − X_0, X_3 − X_0]⁻¹,   ∇N_0 = −Σ ∇N_1..3
+    H = Σ u_a ⊗ ∇N_a,   Ḣ = Σ v_a ⊗ ∇N_a,   F = I + H
+    f_a = −V (P(H) + P_v(H, Ḣ)) ∇N_a,   V Ψ(H),   (K w)_a = V (∂P/∂F : Σ w_b ⊗ ∇N_b) ∇N_a
+
+With P = F S these are O'Brien and Hodgins's nodal forces (their eq. 24, of σ = 2S and vol/2).
+
+| symbol | name                        | unit |
+| ------ | --------------------------- | ---- |
+| ∇N_1..3 | `rest[0..8]`, row by row    | 1/m  |
+| V      | `rest[9]`                   | m³   |
+| m_a    | ρV/4 (`masses`)             | kg   |
+
+Its stiffest mode bounds that of any mesh it stands in (Rayleigh quotients: a sum of quotients never
+exceeds the largest).  With the strain operator B, λ_max(V Bᵀ C B) = λ_max(V √C (B Bᵀ) √C), a 6×6
+problem instead of a 12×12 one.
+"""
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+class Tet4:
+    """The linear tet."""
+
+    corners = 4
+    numbers = 10
+
+    @staticmethod
+    def rest(points: Floats, cells: NDArray[np.integer]) -> Floats:
+        """`rest` of each cell, shape (cells, 10), from rest points [m]."""
+        gradient, volume = gradients(points, cells)
+        return np.concatenate([gradient.reshape(-1, 9), volume[:, None]], axis=1)
+
+    @staticmethod
+    @ti.func
+    def gradient(rest: ti.template(), a: ti.template(), lane):
+        """Σ a_c ⊗ ∇N_c of corner columns a."""
+        z = 0.0 * rest[0, lane]
+        H = ti.Matrix([[z, z, z], [z, z, z], [z, z, z]])
+        for c in range(3):
+            for r in range(3):
+                difference = a[3 * c + 3 + r, lane] - a[r, lane]
+                for d in range(3):
+                    H[r, d] += difference * rest[3 * c + d, lane]
+        return H
+
+    @staticmethod
+    @ti.func
+    def volume(rest: ti.template(), lane):
+        """V [m³]."""
+        return rest[9, lane]
+
+    @staticmethod
+    @ti.func
+    def spread(rest: ti.template(), P, first: ti.template(), lane, out: ti.template()):
+        """P ∇N_c of each corner into rows of `out` from `first` on."""
+        for r in range(3):
+            total = 0.0 * P[0, 0]
+            for c in range(3):
+                f = 0.0 * P[0, 0]
+                for d in range(3):
+                    f += P[r, d] * rest[3 * c + d, lane]
+                out[first + 3 * c + 3 + r, lane] = f
+                total += f
+            out[first + r, lane] = -total
+
+    @staticmethod
+    @ti.func
+    def forces(
+        law: ti.template(), rest: ti.template(), u: ti.template(), v: ti.template(), m, lane,
+        out: ti.template(),
+    ):  # fmt: skip
+        """Corner forces [N]; rows 12..23 of `out`, where it has them, get the viscous share."""
+        H, D = Tet4.gradient(rest, u, lane), Tet4.gradient(rest, v, lane)
+        k = ti.static(m.n - 2)
+        Pv = law.viscosity.stress(H, D, m[k], m[k + 1])
+        P = law.stress(H, m) + Pv
+        if ti.static(out.n > 12):
+            Tet4.spread(rest, -rest[9, lane] * Pv, 12, lane, out)
+        Tet4.spread(rest, -rest[9, lane] * P, 0, lane, out)
+
+    @staticmethod
+    @ti.func
+    def energy(law: ti.template(), rest: ti.template(), u: ti.template(), m, lane):
+        """V Ψ [J]."""
+        return rest[9, lane] * law.energy(Tet4.gradient(rest, u, lane), m)
+
+    @staticmethod
+    @ti.func
+    def product(
+        law: ti.template(), rest: ti.template(), u: ti.template(), w: ti.template(), m, lane,
+        out: ti.template(),
+    ):  # fmt: skip
+        """K(u) w [N]."""
+        H, G = Tet4.gradient(rest, u, lane), Tet4.gradient(rest, w, lane)
+        Tet4.spread(rest, rest[9, lane] * law.tangent(H, G, m), 0, lane, out)
+
+    @staticmethod
+    def masses(rest: Floats, density: float) -> Floats:
+        """Lumped masses of the corners [kg], shape (cells, 4)."""
+        return np.repeat(density / 4.0 * rest[:, 9:], 4, axis=1)
+
+    @staticmethod
+    def frequency(rest: Floats, lam: float, mu: float) -> Floats:
+        """λ_max of Bᵀ C B per unit volume [Pa/m²] for Lamé constants, shape (cells,)."""
+        return stiffest(rest[:, :9].reshape(-1, 3, 3), lam, mu)
+
+    @staticmethod
+    def spread_square(rest: Floats) -> Floats:
+        """γ = λ_max of the 4×4 matrix ∇N_a·∇N_b [1/m²], shape (cells,)."""
+        g = corner_gradients(rest[:, :9].reshape(-1, 3, 3))
+        top: Floats = np.linalg.eigvalsh(np.einsum("eai,eaj->eij", g, g))[:, -1]
+        return top
+
+
+def gradients(points: Floats, cells: NDArray[np.integer]) -> tuple[Floats, Floats]:
+    """∇N_1..3 [1/m], shape (cells, 3, 3), row c for corner c + 1, and volumes [m³], (cells,)."""
+    corners = points[cells]
+    edges = np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2)
+    return np.linalg.inv(edges), np.linalg.det(edges) / 6.0
+
+
+def corner_gradients(gradient: Floats) -> Floats:
+    """∇N_0..3 [1/m], shape (cells, 4, 3), from ∇N_1..3."""
+    return np.concatenate([-gradient.sum(axis=1, keepdims=True), gradient], axis=1)
+
+
+def stiffest(gradient: Floats, lam: float, mu: float) -> Floats:
+    """λ_max of Bᵀ C B per unit volume [Pa/m²] for Lamé constants lam, mu, shape (cells,)."""
+    g = corner_gradients(gradient)
+    gram = np.einsum("eai,eaj->eij", g, g)
+    # B Bᵀ in Voigt order xx yy zz yz zx xy with engineering shears.
+    size = np.zeros((len(g), 6, 6))
+    pairs = [(0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)]
+    for p, (i, j) in enumerate(pairs):
+        for q, (k, m) in enumerate(pairs):
+            total = (i == k) * gram[:, j, m] + (j == m) * gram[:, i, k]
+            total = total + (i == m) * gram[:, j, k] + (j == k) * gram[:, i, m]
+            size[:, p, q] = total / ((1 + (i == j)) * (1 + (k == m)))
+    law = np.diag([2.0 * mu] * 3 + [mu] * 3)
+    law[:3, :3] += lam
+    values, vectors = np.linalg.eigh(law)
+    root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+    top: Floats = np.linalg.eigvalsh(root @ size @ root)[:, -1]
+    return top

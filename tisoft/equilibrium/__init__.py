@@ -1,0 +1,1 @@
+"""Static equilibrium and natural modes, in f64, a body at a time."""

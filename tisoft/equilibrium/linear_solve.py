@@ -1,0 +1,223 @@
+"""Newton's linear systems K(u) d = r on the free axes: matrix-free preconditioned CG.
+
+(With loads that turn with the surface K is the tangent of the whole balance, which need not be
+symmetric, and GMRES takes the place of CG.)
+
+The preconditioner is a sparse factorisation of the tangent at an earlier state, made anew when it
+has aged; a body too large for that takes the 3×3 blocks on the diagonal.  The factorisation keeps
+its pivots on the diagonal, so that their signs count the negative eigenvalues of the tangent
+(Sylvester's law of inertia): whether a state is stable.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import LinearOperator, gmres, splu
+
+from tisoft.equilibrium.balance import Balance
+
+Floats = NDArray[np.float64]
+
+FACTOR_LIMIT = 150_000
+"""Unknowns above which no factorisation is made: it would take gigabytes."""
+SHIFT = 1e-12
+"""Added to the diagonal, as a share of its largest entry, so that mechanisms factorise."""
+LOOSE_SHIFT = 1e-9
+"""The same for bodies that can move as a whole, whose motion must not look like an instability."""
+ROUNDING = 16 * np.finfo(np.float64).eps
+AGED = 25
+"""CG iterations after which a factorisation is too old."""
+MOST_ITERATIONS = 5000
+
+
+def conjugate_gradients(
+    times: Callable[[Floats], Floats],
+    right: Floats,
+    precondition: Callable[[Floats], Floats],
+    *,
+    tolerance: float,
+    limit: int,
+) -> tuple[Floats, bool]:
+    """Solve K x = right; returns x, and whether the residual fell to `tolerance`.
+
+    Stops at a direction of no positive curvature (Steihaug 1983) with what it has so far.
+    """
+    x = np.zeros_like(right)
+    r = right.copy()
+    goal = tolerance * np.linalg.norm(right)
+    z = precondition(r)
+    p = z
+    slope = float(r @ z)
+    for _ in range(limit):
+        if np.linalg.norm(r) <= goal:
+            return x, True
+        product = times(p)
+        curvature = float(p @ product)
+        if not (curvature > 0.0 and slope > 0.0):
+            return x, False
+        x = x + (slope / curvature) * p
+        r = r - (slope / curvature) * product
+        z = precondition(r)
+        slope, before = float(r @ z), slope
+        p = z + (slope / before) * p
+    return x, bool(np.linalg.norm(r) <= goal)
+
+
+class Solver:
+    """Solves with the tangent of one body on its free axes."""
+
+    def __init__(self, balance: Balance) -> None:
+        self.balance = balance
+        self.free = np.flatnonzero(balance.free.ravel())
+        self.negative = 0
+        """Negative eigenvalues of the tangent that was last factorised (0 where none was)."""
+        self.iterations = 0
+        self.diagonal = 0.0
+        """Largest stiffness on the tangent's diagonal [N/m]."""
+        self._fresh_at: tuple[Floats, float] | None = None
+        self._loose: Floats | None = None
+        self._precondition: Callable[[Floats], Floats] = _nothing
+
+    @property
+    def factorises(self) -> bool:
+        """Whether the body is small enough for a factorisation."""
+        return len(self.free) <= FACTOR_LIMIT
+
+    def refresh(self, u: Floats, factor: float, *, shift: float = 0.0) -> None:
+        """Make the preconditioner anew from the tangent + shift [N/m]."""
+        matrix = self.balance.tangent(u, factor)[self.free][:, self.free].tocsc()
+        self.diagonal = float(np.abs(matrix.diagonal()).max(initial=0.0)) or 1.0
+        self._fresh_at = u.copy(), factor
+        motions = self.balance.rigid_motions(u)[:, self.free]
+        self._loose = motions if len(motions) else None
+        if self.factorises:
+            self._factorise(matrix, shift)
+        else:
+            self._take_blocks(u, shift)
+
+    def rounding(self, u: Floats) -> float:
+        """Forces [N] that rounding leaves at the displacements u."""
+        return ROUNDING * self.diagonal * float(np.abs(u).max())
+
+    def _factorise(self, matrix: sparse.csc_matrix, shift: float) -> None:
+        least = (SHIFT if self._loose is None else LOOSE_SHIFT) * self.diagonal
+        one = sparse.identity(matrix.shape[0], format="csc")
+        for _ in range(4):
+            try:
+                factor = splu(
+                    (matrix + (shift + least) * one).tocsc(),
+                    permc_spec="MMD_AT_PLUS_A",
+                    diag_pivot_thresh=0.0,
+                    options={"SymmetricMode": True},
+                )
+            except RuntimeError:  # exactly singular
+                least *= 1e3
+                continue
+            break
+        else:
+            raise FloatingPointError("the tangent stiffness is not finite")
+        self.negative = int(np.sum(factor.U.diagonal() < 0.0))
+        self._precondition = factor.solve
+
+    def _take_blocks(self, u: Floats, shift: float) -> None:
+        """The 3×3 blocks of the diagonal, with 1 on held axes."""
+        nodes = len(u)
+        diagonal = self.balance.elastic.stiffness_blocks(u)
+        held = self.balance.held
+        diagonal[held[:, :, None] | held[:, None, :]] = 0.0
+        diagonal += np.eye(3) * (shift + SHIFT * self.diagonal)
+        diagonal[held[:, :, None] & np.eye(3, dtype=bool)] = 1.0
+        inverse = np.linalg.inv(diagonal)
+
+        def precondition(r: Floats) -> Floats:
+            full = np.zeros(3 * nodes)
+            full[self.free] = r
+            out: Floats = np.einsum("nij,nj->ni", inverse, full.reshape(nodes, 3))
+            return out.ravel()[self.free]
+
+        self.negative = 0
+        self._precondition = precondition
+
+    def times(self, w: Floats) -> Floats:
+        """Tangent times w on the free axes, at the state that `solve` was given last."""
+        full = np.zeros_like(self.balance.load)
+        full.ravel()[self.free] = w
+        product: Floats = self.balance.tangent_times(full).ravel()[self.free]
+        return product
+
+    def solve(
+        self,
+        u: Floats,
+        factor: float,
+        right: Floats,
+        *,
+        tolerance: float = 1e-4,
+        shift: float = 0.0,
+    ) -> Floats:
+        """(tangent + shift) d = right on the free axes: d, shape (nodes, 3), zero where held.
+
+        With an indefinite tangent d is the Newton direction all the same, which need not lead
+        downhill.
+        """
+        self.iterations += 1
+        r = self._bound(right.ravel()[self.free])
+        self.balance.look(u, factor)
+
+        def times(w: Floats) -> Floats:
+            product = self.times(w)
+            return product + shift * w if shift else product
+
+        x, done = self._attempt(times, r, tolerance)
+        fresh = self._fresh_at is not None and np.array_equal(self._fresh_at[0], u)
+        if not done and not fresh:
+            self.refresh(u, factor, shift=shift)
+            x, done = self._attempt(times, r, tolerance)
+        if not done and self.negative and not self.balance.followers:
+            x = self._refine(times, r)
+        elif not done and not x.any():
+            x = r * (np.linalg.norm(r) / max(abs(float(r @ times(r))), 1e-300))
+        out = np.zeros_like(u)
+        out.ravel()[self.free] = self._bound(x)
+        return out
+
+    def _bound(self, w: Floats) -> Floats:
+        """w without the rigid motions of pieces that nothing holds: they cost nothing, and any
+        would do."""
+        return w if self._loose is None else w - self._loose.T @ (self._loose @ w)
+
+    def _attempt(
+        self, times: Callable[[Floats], Floats], r: Floats, tolerance: float
+    ) -> tuple[Floats, bool]:
+        """One run of the iteration, and whether it came to its end."""
+        limit = AGED if self.factorises else MOST_ITERATIONS
+        if not self.balance.followers:
+            return conjugate_gradients(
+                times, r, self._precondition, tolerance=tolerance, limit=limit
+            )
+        # Loads that turn with the surface make the tangent unsymmetric: GMRES.
+        size = (len(r), len(r))
+        x, failed = gmres(
+            LinearOperator(size, matvec=times, dtype=np.float64),
+            r,
+            M=LinearOperator(size, matvec=self._precondition, dtype=np.float64),
+            rtol=tolerance,
+            atol=0.0,
+            restart=2 * AGED,
+            maxiter=1 if self.factorises else MOST_ITERATIONS // (2 * AGED),
+        )
+        return x, failed == 0
+
+    def _refine(self, times: Callable[[Floats], Floats], r: Floats) -> Floats:
+        """The factorisation of an indefinite tangent used directly, with two corrections."""
+        x = self._precondition(r)
+        for _ in range(2):
+            x = x + self._precondition(r - times(x))
+        return x
+
+
+def _nothing(r: Floats) -> Floats:
+    return r

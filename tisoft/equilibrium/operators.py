@@ -1,0 +1,164 @@
+"""One body's forces, energy, K(u) w and C(u) w in f64: what statics, modes and the sharp step use.
+
+Unlike the fields of a running scene, these are always f64 and hold a single body: bodies do not
+touch in a static problem, so each is solved on its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from tisoft import runtime
+from tisoft.body import Body
+from tisoft.elements.tet4 import gradients
+from tisoft.equilibrium import assembly, kernels
+from tisoft.model.part import Part
+from tisoft.model.system import System
+from tisoft.models.materials import Linear, MassTensor, SolidModel
+
+Floats = NDArray[np.float64]
+
+
+class Elastic:
+    """Operators of one body; displacements u and directions w [m], shape (nodes, 3), internal
+    order.  A mass-tensor body is computed as the linear tets whose stiffness it stores.
+
+    Args:
+        part: the body's share of a scene.
+    """
+
+    def __init__(self, part: Part) -> None:
+        if not runtime.generation:
+            runtime.start()
+        self.nodes = len(part.order)
+        self.rest = part.rest
+        self.system = System([plain_body(part.body)], "f64")
+        self.part = self.system.parts[0]
+        self.mass = part.mass
+        self._pattern: assembly.Pattern | None = None
+        self._tets: tuple[NDArray[np.int64], Floats] | None = None
+        self._out = np.zeros((self.nodes, 3))
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether the law holds for large rotations; True for springs."""
+        law = self.part.solid_law
+        return law is None or bool(law.is_finite)
+
+    def _kernel(self, name: Any, make: Any) -> Any:
+        blocks = tuple(share.block for share in self.system.shares)
+        found = self.system.lease.arena.kernels
+        key = (name, *blocks)
+        if key not in found:
+            found[key] = make(self.system.state, blocks)
+        return found[key]
+
+    def _operate(self, what: int, given: Floats) -> Floats:
+        self.system.check_alive()
+        launch = self._kernel(
+            ("operate", what), lambda state, blocks: kernels.make_operator(state, blocks, what)
+        )
+        rows = np.ascontiguousarray(given.reshape(-1, 3), np.float64)
+        launch(self.system.scene, self.system.first, rows, self._out)
+        return self._out.copy()
+
+    def compile(self, *, viscous: bool) -> None:
+        """Compile the products, so that none of the first time counts as computing."""
+        zero = np.zeros((self.nodes, 3))
+        self.stiffness_times(zero, zero)
+        if viscous:
+            self.viscosity_times(zero)
+
+    def look(self, u: Floats) -> None:
+        """Choose the state u of the products that follow."""
+        self.system.set_motion(u, np.zeros((self.nodes, 3)))
+
+    def force(self, u: Floats) -> Floats:
+        """Elastic forces f(u) = −∂V/∂u [N], shape (nodes, 3)."""
+        return self._operate(kernels.FORCE, u)
+
+    def stiffness_times(self, w: Floats, u: Floats | None = None) -> Floats:
+        """K(u) w [N], shape (nodes, 3); without u, at the state of the last call."""
+        if u is not None:
+            self.look(u)
+        return self._operate(kernels.PRODUCT, w)
+
+    def viscosity_times(self, w: Floats, u: Floats | None = None) -> Floats:
+        """C(u) w [N] of φ, η and dampers (point damping left out), shape (nodes, 3)."""
+        if u is not None:
+            self.look(u)
+        return -self._operate(kernels.RATE, w)
+
+    def energy(self, u: Floats) -> float:
+        """Elastic energy V(u) [J]."""
+        launch = self._kernel("energy", kernels.make_energy)
+        rows = np.ascontiguousarray(u.reshape(-1, 3), np.float64)
+        return float(launch(self.system.scene, self.system.first, rows))
+
+    def least_volume_change(self, u: Floats) -> float:
+        """Smallest det F over the tets of the mesh, springs' too; inf without tets."""
+        mesh = self.part.body.mesh
+        if not len(mesh.tets):
+            return float("inf")
+        if self._tets is None:
+            tets = self.part.rank[mesh.tets]
+            self._tets = tets, gradients(self.rest, tets)[0]
+        tets, gradient = self._tets
+        return float(np.linalg.det(assembly.deformation(gradient, tets, u)).min())
+
+    @property
+    def pattern(self) -> assembly.Pattern:
+        """Places of the element matrices in the sparse matrices."""
+        if self._pattern is None:
+            cells = self.part.cells()[0]
+            self._pattern = assembly.Pattern(self.nodes, cells)
+        return self._pattern
+
+    def stiffness(self, u: Floats) -> sparse.csc_matrix:
+        """K(u) [N/m] as a sparse matrix, unknown 3 node + axis."""
+        return self._assemble(u, viscous=False)
+
+    def viscosity(self, u: Floats) -> sparse.csc_matrix:
+        """C(u) [N·s/m] as a sparse matrix (point damping left out)."""
+        return self._assemble(u, viscous=True)
+
+    def _assemble(self, u: Floats, *, viscous: bool) -> sparse.csc_matrix:
+        self.look(u)
+        matrices: Floats = np.empty((0, 0, 0))
+        for share in self.system.shares:
+            launch = self._kernel(
+                ("matrices", viscous),
+                lambda state, blocks: kernels.make_matrices(blocks[0], state, viscous),
+            )
+            batches, size = share.batches, 3 * share.block.corners
+            out = np.empty((len(batches.owner), batches.lanes, size, size))
+            launch(share.row("batches"), out)
+            matrices = out.reshape(-1, size, size)[self.part.place]
+        return self.pattern.matrix(matrices)
+
+    def stiffness_blocks(self, u: Floats) -> Floats:
+        """The 3×3 blocks on the diagonal of K(u) [N/m], shape (nodes, 3, 3)."""
+        matrix = self.stiffness(u).tobsr((3, 3))
+        rows = np.repeat(np.arange(self.nodes), np.diff(matrix.indptr))
+        blocks: Floats = matrix.data[matrix.indices == rows].copy()
+        return blocks
+
+    def consistent_mass(self) -> sparse.csc_matrix:
+        """Consistent mass [kg] between nodes; springs have point masses, so theirs is diagonal."""
+        model = self.part.body.model
+        if not isinstance(model, SolidModel):
+            return sparse.diags(self.mass, format="csc")
+        return assembly.consistent_mass(self.nodes, self.part.tets, self.part.volume, model.density)
+
+
+def plain_body(body: Body) -> Body:
+    """The body, mass-tensors as linear tets."""
+    if not isinstance(body.model, MassTensor):
+        return body
+    numbers = {f.name: getattr(body.model, f.name) for f in fields(body.model)}
+    return replace(body, model=Linear(**numbers))

@@ -1,0 +1,147 @@
+"""Static equilibrium K(x) + f = 0 of a scene, always in f64, each body on its own.
+
+Newton's method with preconditioned conjugate gradients (`newton`, `linear_solve`) along the branch
+that leads from rest to the full load (`follow`); bodies that are loose at rest go to the lowest
+potential instead (`settle`).  Gravity, loads and pins are those of t = duration; nodes feel no
+obstacles.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tisoft import runtime
+from tisoft.checks import FieldError
+from tisoft.equilibrium.balance import ACCEPTED, Balance
+from tisoft.equilibrium.follow import Answer, balance_body
+from tisoft.model.part import parts_of
+from tisoft.errors import SceneError
+from tisoft.scene import Scene
+
+Floats = NDArray[np.float64]
+
+
+class HasScene(Protocol):
+    """A simulation, for one."""
+
+    scene: Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """A scene at rest under its loads; nodes in the order of bodies and of each mesh."""
+
+    positions: Floats
+    """World positions [m], shape (nodes, 3)."""
+    residual: float
+    """Largest nodal force out of balance [N]."""
+    load_factor: float
+    """1: the whole load."""
+    iterations: int
+    """Linear systems solved."""
+    energy: dict[str, float | None]
+    """[J], with the keys of a run's energies."""
+    reactions: Floats
+    """Forces of the pins on the nodes they hold [N], shape (nodes, 3)."""
+    warnings: list[str] = field(default_factory=list)
+
+
+def scene_of(scene: Scene | HasScene) -> Scene:
+    """The scene of a simulation, or the scene itself; Taichi is running afterwards.
+
+    Raises:
+        SceneError: where the arch in use does not compute in f64.
+    """
+    found = scene if isinstance(scene, Scene) else scene.scene
+    if not runtime.generation:
+        runtime.start()
+    if not runtime.has_f64():
+        raise SceneError("statics and modes compute in f64, which this arch lacks; use --arch cpu")
+    return found
+
+
+def equilibrium(scene: Scene | HasScene, *, external: Any = None) -> Equilibrium:
+    """The static equilibrium that leads from rest to the loads at t = duration.
+
+    Args:
+        scene: or a simulation of it, whose present state is not looked at.
+        external: further dead forces [N], shape (nodes, 3), in the scene's node order.
+
+    Raises:
+        NoEquilibrium: when the branch from rest ends before the full load; its `load_factor` is the
+            last one that had an equilibrium.
+        SceneError: a scene that cannot be simulated.
+    """
+    scene = scene_of(scene)
+    scene.validate()
+    parts = parts_of(scene.bodies)
+    count = sum(len(part.order) for part in parts)
+    extra = _external(external, count)
+    positions, reactions = np.zeros((count, 3)), np.zeros((count, 3))
+    residual, iterations = 0.0, 0
+    elastic, gravity, work = 0.0, 0.0, 0.0
+    follows = False
+    warnings = []
+    if scene.obstacles:
+        warnings.append("static equilibrium leaves obstacles out: nodes may lie inside them")
+    for part in parts:
+        own = extra[part.nodes][part.order]
+        weight = part.mass[:, None] * np.array(scene.gravity)
+        balance = Balance(part, scene.duration, weight + own)
+        with np.errstate(over="ignore", invalid="ignore"):  # trials that fail may overflow
+            answer = balance_body(balance)
+        u = answer.state.u
+        positions[part.nodes][part.order] = part.body.mesh.points[part.order] + u
+        reactions[part.nodes][part.order] = answer.state.reactions
+        residual = max(residual, answer.state.residual)
+        iterations += answer.iterations
+        elastic += balance.elastic.energy(u)
+        gravity -= float((weight * u).sum())
+        work += float(((balance.dead - weight) * u).sum())
+        follows |= bool(balance.followers)
+        warnings += _warn(balance, answer)
+    energy: dict[str, float | None] = {
+        "kinetic": 0.0,
+        "elastic": elastic,
+        "gravity": gravity,
+        "dissipated": None,
+        "external_work": None if follows else work,  # theirs depends on the way
+        "error": None,
+    }
+    return Equilibrium(positions, residual, 1.0, iterations, energy, reactions, warnings)
+
+
+def _external(external: Any, count: int) -> Floats:
+    if external is None:
+        return np.zeros((count, 3))
+    forces = np.asarray(external, np.float64)
+    if forces.shape != (count, 3) or not np.isfinite(forces).all():
+        problem = f"must be finite forces of shape ({count}, 3), one row a node"
+        raise FieldError("external", problem, forces.shape)
+    return forces
+
+
+def _warn(balance: Balance, answer: Answer) -> list[str]:
+    name, state = balance.part.body.name, answer.state
+    found = []
+    if not answer.stable:
+        found.append(
+            f"the equilibrium of {name!r} is unstable: it has buckled or would at the least push"
+        )
+    if balance.linear and balance.elastic.least_volume_change(state.u) <= 0.0:
+        found.append(
+            f"{name!r} is turned inside out somewhere: its displacements are far too large for a "
+            "linear body; use viscoelastic or neo-hookean"
+        )
+    loads = np.linalg.norm(balance.external(state.u, 1.0), axis=1).sum()
+    whole = max(float(loads), balance.scale(state.u, 1.0, state.reactions))
+    if state.residual > ACCEPTED * whole:
+        found.append(
+            f"rounding leaves {state.residual:.3g} N on a node of {name!r}: its stiffness is too "
+            "large beside its load for more digits"
+        )
+    return found

@@ -1,0 +1,1 @@
+"""Scenes as Taichi fields: nodes, blocks of cells, and how bodies are numbered."""

@@ -1,0 +1,390 @@
+"""A scene as the engine sees it: bodies numbered, their numbers in Taichi fields.
+
+Positions are kept as world = rest point + shift of the body's origin + u: rest points and shifts in
+f64 on the host, displacements u in the scene's precision.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tisoft import runtime
+from tisoft.body import Body
+from tisoft.model import state as columns
+from tisoft.model.arena import Lease, Pool
+from tisoft.model.block import Block
+from tisoft.model.layout import Batches, copies_of, in_batches, lanes_of
+from tisoft.model.mass import ConsistentMass, mass_rows
+from tisoft.model.part import Part, parts_of
+from tisoft.model.state import State
+from tisoft.models.materials import SolidModel
+
+Floats = NDArray[np.float64]
+
+MODES = 4
+"""Columns of `Block.modes`."""
+
+
+@dataclass
+class Share:
+    """A scene's cells of one element and one law."""
+
+    parts: list[Part]
+    batches: Batches
+    lease: Lease
+
+    @property
+    def block(self) -> Any:
+        """The fields."""
+        return self.lease.fields
+
+    def row(self, kind: str) -> int:
+        """First row of a kind."""
+        return self.lease.starts[kind]
+
+
+class System:
+    """The bodies of a scene in fields.
+
+    Args:
+        bodies: damping ratios already turned into viscosity.
+        precision: "f32" or "f64".
+        probes: nodes to record, as (body, row of `mesh.points`).
+    """
+
+    def __init__(
+        self, bodies: Sequence[Body], precision: str, probes: Sequence[tuple[int, int]] = ()
+    ) -> None:
+        self.parts = parts_of(list(bodies))
+        self.precision = precision
+        self.real = runtime.real_type(precision)[0]
+        self.count = sum(len(p.order) for p in self.parts)
+        self.springs = sum(len(p.springs) for p in self.parts)
+        self.tets = sum(len(p.tets) for p in self.parts)
+        self.rest_host = np.concatenate([p.rest for p in self.parts])
+        self.mass = np.concatenate([p.mass for p in self.parts])
+        self.consistent = any(part.is_consistent for part in self.parts)
+        self.generation = runtime.generation
+        self._leases: list[Lease] = []
+        self._ender = weakref.finalize(self, _end, self._leases)
+        self._probes = [self.parts[b].start + int(self.parts[b].rank[row]) for b, row in probes]
+        self._build()
+
+    # -- building ------------------------------------------------------------------------------
+
+    def _build(self) -> None:
+        pool = runtime.pool(Pool)
+        groups: dict[Any, list[Part]] = {}
+        for part in self.parts:
+            groups.setdefault((part.element, part.law), []).append(part)
+        made = []
+        lanes = lanes_of(runtime.on_cpu())
+        for key, parts in groups.items():
+            cells = [part.cells() for part in parts]
+            batches = in_batches([c + p.start for (c, _), p in zip(cells, parts, strict=True)], lanes)
+            if not len(batches.owner):
+                continue
+            for part, place in zip(parts, batches.place, strict=True):
+                part.place = place
+            made.append((key, parts, batches, [rest for _, rest in cells]))
+        places, copy_starts = copies_of([batches for _, _, batches, _ in made], self.count)
+        self._lend_nodes(pool, int(copy_starts[-1]))
+        self._write_nodes(copy_starts)
+        self.shares = []
+        for (key, parts, batches, rest), copies in zip(made, places, strict=True):
+            self.shares.append(self._lend_cells(pool, key, parts, batches))
+            self._write_cells(self.shares[-1], copies, rest)
+        self.mass_lease = self._lend_mass(pool) if self.consistent else None
+        self._write_scene()
+
+    def _lend_nodes(self, pool: Pool, copies: int) -> None:
+        faces = sum(len(p.body.mesh.surface) for p in self.parts)
+        needs = {
+            "nodes": self.count + 1,
+            "copies": max(1, copies),
+            "bodies": len(self.parts) + 1,
+            "chunks": -(-self.count // columns.CHUNK),
+            "pressures": 3 * faces,
+            "probes": len(self._probes),
+            "records": columns.FRAMES * (1 + len(self._probes)),
+            "scenes": 1,
+        }
+        self.lease = self._keep(pool.lend(State, self.precision, needs))
+        self.first = self.lease.starts["nodes"]
+        self.scene = self.lease.starts["scenes"]
+        self.obstacle_lease: Lease | None = None
+
+    def _keep(self, lease: Lease) -> Lease:
+        self._leases.append(lease)
+        return lease
+
+    @property
+    def state(self) -> Any:
+        """The fields of the nodes."""
+        return self.lease.fields
+
+    @property
+    def last(self) -> int:
+        """One past the last node's row."""
+        return self.first + self.count
+
+    def _lend_cells(self, pool: Pool, key: Any, parts: list[Part], batches: Batches) -> Share:
+        structure = (*key, self.precision, batches.lanes)
+        needs = {
+            "batches": len(batches.owner),
+            "parts": batches.parts + 1,
+            "materials": len(parts),
+        }
+        return Share(parts, batches, self._keep(pool.lend(Block, structure, needs)))
+
+    def _write_nodes(self, copy_starts: NDArray[np.int32]) -> None:
+        copies = self.lease.starts["copies"]
+        body = np.repeat(np.arange(len(self.parts)), [len(p.order) for p in self.parts])
+        self.body = body
+        self.state.write_nodes(
+            self.first,
+            self._reals(self.rest_host),
+            self._reals(1.0 / self.mass),
+            (body + self.lease.starts["bodies"]).astype(np.int32),
+            copy_starts + np.int32(copies),
+        )
+        self.state.clear_copies(copies, copies + int(copy_starts[-1]))
+        self.write_bodies()
+
+    def write_bodies(self) -> None:
+        """Write the bodies' point damping and where their obstacles begin."""
+        drag = np.array([p.body.model.point_damping for p in self.parts] + [0.0])
+        starts = np.zeros(len(drag), np.int32)
+        if self.obstacle_lease is not None:
+            row, count = self.obstacle_lease.starts["obstacles"], self._obstacles
+            starts = (row + count * np.arange(len(drag))).astype(np.int32)
+        self.state.write_bodies(self.lease.starts["bodies"], self._reals(drag), starts)
+
+    def _write_cells(self, share: Share, copies: Any, rest: list[Floats]) -> None:
+        batches, block = share.batches, share.block
+        block.write_cells(
+            share.row("batches"),
+            batches.cells + np.int32(self.first),
+            copies + np.int32(self.lease.starts["copies"]),
+            self._reals(batches.filled(rest)),
+            self._reals(self._modes(share)),
+            batches.owner + np.int32(share.row("materials")),
+        )
+        block.write_parts(share.row("parts"), batches.part_start + np.int32(share.row("batches")))
+        self._write_materials(share)
+
+    def _modes(self, share: Share) -> Floats:
+        """ω², damping rate, 4γ/ρ and volume of the tets, where the block has tets."""
+        if share.block.law is None:
+            return np.zeros((len(share.batches.owner), MODES, share.batches.lanes))
+        rows = [np.column_stack([*part.frequencies(), part.volume]) for part in share.parts]
+        return share.batches.filled(rows)
+
+    def _write_materials(self, share: Share) -> None:
+        rows = np.array([part.material() for part in share.parts])
+        viscous = np.array([part.is_viscous() for part in share.parts], np.int32)
+        share.block.write_materials(share.row("materials"), self._reals(rows), viscous)
+
+    def _lend_mass(self, pool: Pool) -> Lease:
+        rows, cols, values = self.mass_entries()
+        needs = {"nodes": self.count + 1, "entries": len(values)}
+        lease = self._keep(pool.lend(ConsistentMass, self.precision, needs))
+        self._write_mass_rows(lease, rows, cols, values)
+        return lease
+
+    def _write_mass_rows(self, lease: Lease, rows: Any, cols: Any, values: Floats) -> None:
+        node, entry = lease.starts["nodes"], lease.starts["entries"]
+        starts = np.searchsorted(rows, np.arange(self.count + 1)) + entry
+        self.diagonal = values[rows == cols]
+        lease.fields.write(
+            node, starts.astype(np.int32), self._reals(self.diagonal),
+            entry, (cols + node).astype(np.int32), self._reals(values),
+        )  # fmt: skip
+
+    def mass_entries(self) -> tuple[Any, Any, Floats]:
+        """Rows, columns and entries [kg] of the mass matrix, lumped bodies' on its diagonal."""
+        entries = []
+        for part in self.parts:
+            own = np.arange(len(part.order))
+            found: tuple[Any, Any, Any] = (own, own, part.mass)
+            if part.is_consistent:
+                assert isinstance(part.body.model, SolidModel)
+                found = mass_rows(part.tets, part.body.model.density * part.volume)
+            entries.append((found[0] + part.start, found[1] + part.start, found[2]))
+        rows, cols, values = (np.concatenate(column) for column in zip(*entries, strict=True))
+        return rows, cols, values
+
+    def _write_scene(self) -> None:
+        ranges = np.zeros(columns.RANGES, np.int32)
+        ranges[:2] = self.first, self.last
+        for k, share in enumerate(self.shares):
+            row = share.row("parts")
+            ranges[2 + 2 * k : 4 + 2 * k] = row, row + share.batches.parts
+        ranges[15] = 0 if self.mass_lease is None else self.mass_lease.starts["nodes"]
+        orders = np.zeros(11, np.int32)
+        orders[columns.PASSES] = orders[columns.THREADS] = 1
+        orders[columns.PROBES] = len(self._probes)
+        orders[columns.PROBE] = self.lease.starts["probes"]
+        orders[columns.RECORDS] = self.lease.starts["records"]
+        orders[columns.CHUNKS] = self.lease.starts["chunks"]
+        probes = (np.array(self._probes, np.int32) + self.first).astype(np.int32)
+        self.state.write_scene(self.scene, ranges, orders, self.lease.starts["probes"], probes)
+
+    @property
+    def record_rows(self) -> int:
+        """Rows of a record: its sums, then the probes."""
+        return 1 + len(self._probes)
+
+    def _reals(self, values: Any) -> NDArray[Any]:
+        return np.ascontiguousarray(values, dtype=self.real)
+
+    # -- changes -------------------------------------------------------------------------------
+
+    def reread_models(self) -> None:
+        """Take stiffness, rest length, damping, density and viscosity anew from the bodies' models.
+
+        Raises:
+            FieldError: a model that needs other arrays than those the simulation was built with.
+        """
+        for part in self.parts:
+            part.reread()
+        self.mass[:] = np.concatenate([p.mass for p in self.parts])
+        self.state.write_masses(self.first, self._reals(1.0 / self.mass))
+        for share in self.shares:
+            if share.block.law is None:  # springs and tensors hold their stiffness in rest numbers
+                rest = share.batches.filled([part.cells()[1] for part in share.parts])
+                share.block.write_rest(share.row("batches"), self._reals(rest))
+            else:
+                share.block.write_modes(share.row("batches"), self._reals(self._modes(share)))
+            self._write_materials(share)
+        if self.mass_lease is not None:
+            self._write_mass_rows(self.mass_lease, *self.mass_entries())
+        self.write_bodies()
+
+    def set_obstacles(self, obstacles: Sequence[Any], kinds: Sequence[int]) -> None:
+        """Place obstacles, seen from the bodies' present origins."""
+        count = len(obstacles)
+        if self.obstacle_lease is None or self._obstacles != count:
+            if self.obstacle_lease is not None:
+                self.obstacle_lease.end()
+            self._obstacles = count
+            needs = {"obstacles": count * len(self.parts)}
+            self.obstacle_lease = self._keep(Lease(self.lease.arena, needs))
+            self.write_bodies()
+        rows = [[*o.numbers(p.origin), o.friction] for p in self.parts for o in obstacles]
+        if rows:
+            self.state.write_obstacles(
+                self.obstacle_lease.starts["obstacles"],
+                np.array(list(kinds) * len(self.parts), np.int32),
+                self._reals(rows),
+            )
+
+    def set_pressures(self, starts: Any, ends: Any, numbers: Any) -> None:
+        """Rows of `external.press`: where each node's begin, shape (nodes + 1,), and the rows."""
+        room = self.lease.counts["pressures"]
+        row = self.lease.starts["pressures"]
+        if len(ends) > room:
+            row = self._keep(Lease(self.lease.arena, {"pressures": len(ends)})).starts["pressures"]
+        self.state.write_pressures(
+            self.first,
+            np.asarray(starts, np.int32) + np.int32(row),
+            row,
+            np.asarray(ends, np.int32).reshape(-1, 2) + np.int32(self.first),
+            self._reals(numbers).reshape(-1, columns.PRESSURE_NUMBERS),
+        )
+
+    # -- state in and out ----------------------------------------------------------------------
+
+    def check_alive(self) -> None:
+        """Raise RuntimeError where Taichi was started anew since this system was made."""
+        if self.generation != runtime.generation:
+            raise RuntimeError(
+                "this simulation belongs to an earlier start of Taichi; make it anew"
+            )
+
+    def motion(self) -> tuple[NDArray[Any], NDArray[Any]]:
+        """u [m] and v [m/s] of all nodes in the scene's precision, shape (nodes, 3) each."""
+        self.check_alive()
+        u, v = (np.empty((self.count, 3), self.real) for _ in range(2))
+        self.state.read_motion(self.first, u, v)
+        return u, v
+
+    def set_motion(self, u: Any, v: Any) -> None:
+        """Write u [m] and v [m/s]."""
+        self.check_alive()
+        self.state.write_motion(self.first, self._reals(u), self._reals(v))
+
+    @property
+    def u(self) -> NDArray[Any]:
+        """Displacements [m], internal order, shape (nodes, 3)."""
+        return self.motion()[0]
+
+    @property
+    def v(self) -> NDArray[Any]:
+        """Velocities [m/s], internal order, shape (nodes, 3)."""
+        return self.motion()[1]
+
+    def probe_motion(self) -> tuple[Floats, Floats]:
+        """u [m] and v [m/s] of the probes, shape (probes, 3) each."""
+        u, v = self.motion()
+        return u[self._probes].astype(np.float64), v[self._probes].astype(np.float64)
+
+    def probe_origins(self) -> Floats:
+        """World positions of the probes' rest points, moved with their bodies' origins [m]."""
+        origins = [self.parts[self.body[i]].origin for i in self._probes]
+        return self.rest_host[self._probes] + np.array(origins).reshape(-1, 3)
+
+    def world(self, u: NDArray[Any] | None = None) -> Floats:
+        """World positions [m] of all nodes, internal order, f64, shape (nodes, 3)."""
+        here = np.array(self.u if u is None else u, dtype=np.float64)
+        here += self.rest_host
+        for part in self.parts:
+            here[part.nodes] += part.origin
+        return here
+
+    def set_fixed(self, fixed: Any, drive: Any) -> None:
+        """Write what pins hold (bits of axes) and the velocities [m/s] they prescribe."""
+        self.state.write_fixed(self.first, np.asarray(fixed, np.int32), self._reals(drive))
+
+    def set_places(self, nodes: Any, axes: Any, places: Any) -> None:
+        """Write components of u [m]: rows of nodes, bits of axes, shape (rows, 3)."""
+        self.state.write_places(
+            self.first, np.asarray(nodes, np.int32), np.asarray(axes, np.int32),
+            self._reals(places),
+        )  # fmt: skip
+
+    def set_loads(self, load: Any) -> None:
+        """Write forces of loads that keep their direction [N], internal order."""
+        self.state.write_loads(self.first, self._reals(load))
+
+    def set_pressed(self, pressed: Any) -> None:
+        """Write forces of pressures [N] as the last substep saw them."""
+        self.state.write_pressed(self.first, self._reals(pressed))
+
+    def loads(self) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Forces of loads and of pressures [N] as last used, internal order."""
+        load, pressed = (np.empty((self.count, 3), self.real) for _ in range(2))
+        self.state.read_loads(self.first, load, pressed)
+        return load, pressed
+
+    def mass_residual(self) -> Floats:
+        """f − M a of the last solve with the consistent mass [N], shape (nodes, 3)."""
+        assert self.mass_lease is not None
+        out = np.zeros((self.count, 3), self.real)
+        self.mass_lease.fields.read_residual(self.mass_lease.starts["nodes"], out)
+        return out.astype(np.float64)
+
+    def viscous(self) -> bool:
+        """Whether any body damps the rate of its strain or of its springs."""
+        return any(part.is_viscous() for part in self.parts)
+
+
+def _end(leases: list[Lease]) -> None:
+    for lease in leases:
+        lease.end()

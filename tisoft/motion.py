@@ -1,0 +1,407 @@
+"""How a scene moves on: substeps in stretches, steps that follow the limit, under the guard's eyes.
+
+A frame is one stretch, or several where it is long.  After LOOK substeps the limit and what a run
+tells are looked at again, at the end of the stretch.  Frames that nobody looks at one by one share
+a launch (`make_frames`); they come out bit for bit as frames made one by one.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tisoft import runtime
+from tisoft.checks import FieldError
+from tisoft.equilibrium.damping import damped_body
+from tisoft.model import state as columns
+from tisoft.model.number_range import check_bound, check_range
+from tisoft.model.part import Part
+from tisoft.model.system import System
+from tisoft.obstacles import OBSTACLES
+from tisoft.scene import Scene
+from tisoft.stable.guard import Guard, Recovery
+from tisoft.stable.limit import StepLimit
+from tisoft.stable.watch import Watch
+from tisoft.step.account import Account
+from tisoft.step.loading import Loading, external_forces
+from tisoft.step.observe import Observer
+from tisoft.step.pins import Holder
+from tisoft.step.stepper import Rules, Stepper
+
+Floats = NDArray[np.float64]
+
+LOOK, LOOK_WORK = 64, 30_000
+"""Substeps, or tet-substeps in small scenes, after which the stable step is looked at again."""
+MOST_SUBSTEPS = 1e9
+"""Substeps that a frame may have: hours of stepping, before which no frame would be seen."""
+
+
+class Motion:
+    """The moving part of a Simulation, which has the arguments.
+
+    Raises:
+        SceneError: a scene that cannot run, with the field that says why.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        precision: str,
+        certify: bool,
+        threads: int | None,
+        ledger: bool,
+    ) -> None:
+        self.scene = scene
+        self.precision = precision
+        self.certify = certify
+        self.time = 0.0
+        self.frame = 0
+        self.substeps = 0
+        self.steps: list[float] = []
+        self.recoveries: list[Recovery] = []
+        self.half_step_lag = 0.0
+        """The step [s] by half of which the system's velocities lag behind, or 0."""
+        self.since_look = 0
+        """Substeps since the limit was looked at."""
+        self.wall_seconds = 0.0
+        self._compile_seconds = 0.0
+        with np.errstate(all="ignore"):  # what leaves the range of floats is refused by name
+            probes = [(scene.bodies.index(b), node) for b, node in map(scene.probed_node, scene.probes)]
+            bodies = [damped_body(body) for body in scene.bodies]
+            self.system = System(bodies, precision, probes)
+            check_range(self.system, scene)
+            self.limit = StepLimit(self.system, scene.integrator)
+            check_bound(self.limit.rest_bound(), self.system)
+        self.look = max(LOOK, LOOK_WORK // max(1, self.system.tets))
+        self.observer = Observer(self.system)
+        self.watch = Watch(self.system, self.limit)
+        self._models = [body.model for body in scene.bodies]
+        self._gravity = tuple(scene.gravity)
+        self._obstacles: tuple[Any, ...] = ()
+        self._set_start()
+        self.guard = Guard(self) if certify else None
+        self.account: Account | None = None
+        self.loading = Loading(self.system)
+        self.holder = Holder(self.system)
+        self._threads = threads
+        self._compile(ledger)
+
+    def _compile(self, ledger: bool) -> None:
+        begun = time.perf_counter()
+        self.place_obstacles()
+        if ledger:
+            self.open_account()
+        self.stepper = self._make_stepper()
+        self.holder.begin(0.0, 0.0)
+        self.limit.follow()
+        self.stepper.compile()
+        self._compile_seconds += time.perf_counter() - begun
+
+    @property
+    def compile_seconds(self) -> float:
+        """Seconds that compiling kernels has taken."""
+        return self._compile_seconds + self.limit.compile_seconds
+
+    def _make_stepper(self) -> Stepper:
+        stepper = Stepper(self.system, self._rules(), threads=self._threads)
+        stepper.loaded = self.loading.loads or self.loading.pressure
+        return stepper
+
+    def _rules(self) -> Rules:
+        contact = bool(self.scene.obstacles)
+        return Rules(self.scene.integrator, contact, self.account is not None)
+
+    def _set_start(self) -> None:
+        """Initial velocities: v + ω × (x − centre of mass)."""
+        v = np.zeros((self.system.count, 3))
+        for part in self.system.parts:
+            x = self.system.rest_host[part.nodes]
+            middle = part.mass @ x / part.mass.sum()
+            v[part.nodes] = part.body.velocity + np.cross(part.body.spin, x - middle)
+        if v.any():
+            self.system.set_motion(np.zeros_like(v), v)
+
+    def open_account(self) -> None:
+        """Begin a ledger with the present state."""
+        table = self.observer.energies(self.scene.gravity)
+        self.account = Account(sum(table.values()))
+
+    # -- what the caller changed ---------------------------------------------------------------
+
+    def place_obstacles(self) -> None:
+        """Tell the kernels where obstacles are, seen from the bodies' origins."""
+        self._obstacles = tuple(self.scene.obstacles)
+        if self._obstacles:
+            shapes = list(OBSTACLES.values())
+            self.system.set_obstacles(self._obstacles, [shapes.index(type(o)) for o in self._obstacles])
+
+    def refresh(self) -> None:
+        """Take over what the caller changed since the last frame."""
+        models = [body.model for body in self.scene.bodies]
+        changed = any(a is not b for a, b in zip(models, self._models, strict=True))
+        gravity = tuple(self.scene.gravity)
+        if changed or gravity != self._gravity:
+            if self.guard is not None:
+                self.guard.forget()  # energies are others than before
+            before = self._stored() if self.account is not None else 0.0
+            self._gravity = gravity
+            if changed:
+                self._reread(models)
+            if self.account is not None:
+                self.account.external_work += self._stored() - before
+        if any(a is not b for a, b in zip(self.scene.obstacles, self._obstacles, strict=False)) or (
+            len(self.scene.obstacles) != len(self._obstacles)
+        ):
+            self.place_obstacles()
+        if self.loading.refresh():
+            self.stepper.loaded = self.loading.loads or self.loading.pressure
+        if self._rules() != self.stepper.rules:
+            begun = time.perf_counter()
+            self.stepper = self._make_stepper()
+            self.stepper.compile()
+            self._compile_seconds += time.perf_counter() - begun
+
+    def _stored(self) -> float:
+        """T + W + G [J] of the present state, under the gravity that was known last."""
+        return sum(self.observer.energies(self._gravity).values())
+
+    def _reread(self, models: Sequence[Any]) -> None:
+        for part, body in zip(self.system.parts, self.scene.bodies, strict=True):
+            part.body = damped_body(body)
+        self.system.reread_models()
+        self._models = list(models)
+        self.limit.refresh()
+
+    # -- steps ---------------------------------------------------------------------------------
+
+    def substeps_of(self, frame_time: float) -> tuple[int, float]:
+        """Number and size [s] of the substeps of the next frame."""
+        step = self.scene.step
+        if step == "auto":
+            step = self.limit.chosen(self.substeps)
+        elif self.certify and self.scene.integrator != "explicit-euler":
+            self._refuse_long(float(step))
+        if not frame_time <= MOST_SUBSTEPS * float(step):
+            problem = (
+                f"makes frames of {frame_time:.3g} s, which need more than {MOST_SUBSTEPS:.0e} "
+                f"substeps of {float(step):.3g} s; give a higher one, or a softer or coarser body"
+            )
+            raise FieldError("frame_rate", problem, self.scene.frame_rate)
+        count = max(1, math.ceil(frame_time / float(step) - 1e-9))
+        return count, frame_time / count
+
+    def _refuse_long(self, step: float) -> None:
+        limit = self.limit.sharp() if self.frame == 0 else np.inf
+        if step > limit:
+            problem = (
+                f"s is above the stable limit {limit:.6g} s, so the bodies would explode; "
+                'give a smaller step, or step = "auto"'
+            )
+            raise FieldError("step", problem, step)
+
+    def is_look_due(self, substeps: int) -> bool:
+        """Whether the limit is to be looked at after so many substeps more."""
+        return self.since_look + substeps >= self.look
+
+    def _looked(self, substeps: int) -> None:
+        """Note substeps, and look where that is due."""
+        self.substeps += substeps
+        self.since_look += substeps
+        if self.since_look >= self.look:
+            self.since_look = 0
+            self.limit.moved()
+            self.watch.look(self.time)
+            self._recenter()
+
+    def make_frame(self) -> None:
+        """Advance one frame.
+
+        Raises:
+            Diverged: when no step carries the frame; the state is then the last good one.
+        """
+        self.refresh()
+        end = (self.frame + 1) / self.scene.frame_rate
+        count, h = self.substeps_of(1.0 / self.scene.frame_rate)
+        while count > self.look:
+            self._stretch(self.time + self.look * h, self.look, h)
+            count -= self.look
+            if self.scene.step == "auto" and self.limit.chosen(self.substeps) < h:
+                count, h = self.substeps_of(end - self.time)
+        self._stretch(end, count, h)
+        self.frame += 1
+
+    def _stretch(self, end: float, count: int, step: float) -> None:
+        """Advance to `end` [s] in `count` substeps of `step` [s]."""
+        self.holder.begin(self.time, end)
+        self.loading.begin(self.time, end)
+        if self.scene.start == "half-step" and not self.half_step_lag:
+            u, v = self.system.motion()
+            self.system.set_motion(u, v - 0.5 * step * self.acceleration())
+            self.half_step_lag = step
+        if self.steps:
+            self.change_step(self.steps[-1], step)
+        begun = time.perf_counter()
+        if self.guard is None:
+            self.stretches(1, count, step, math.inf)
+        elif self.scene.integrator == "explicit-euler":
+            self.guard.watch(count, step)
+        else:
+            count, step = self.guard.carry(count, step)
+        self.holder.finish(end)
+        if self.account is not None:
+            self.account.collect(*self.stepper.work(0))
+        self.steps.append(step)
+        self.time = end
+        self._looked(count)
+        self.wall_seconds += time.perf_counter() - begun
+
+    def make_frames(self, most: int) -> list[Floats]:
+        """Advance up to `most` frames in one launch, where nothing has to be told between them;
+        returns their records, each of shape (1 + probes, columns).  None are made where `make_frame`
+        has to.
+        """
+        self.refresh()
+        frame_time = 1.0 / self.scene.frame_rate
+        self.holder.begin(self.time, self.time + frame_time)
+        if most < 2 or not self._is_steady():
+            return []
+        self.loading.begin(self.time, self.time + frame_time)
+        count, h = self.substeps_of(frame_time)
+        due = math.ceil((self.look - self.since_look) / count)
+        most = min(most, due, columns.FRAMES, self._frames_until_release())
+        if most < 2 or count > self.look or not self.steps or self.steps[-1] != h:
+            return []
+        begun = time.perf_counter()
+        made = self.guard.carry_many(most, count, h) if self.guard else (
+            self.stretches(most, count, h, math.inf)
+        )  # fmt: skip
+        if not made:
+            return []
+        records = self.stepper.records(made)
+        for record in records:
+            if self.account is not None:
+                self.account.collect(record[0, 5], record[0, 6])
+                record[0, 8:10] = self.account.dissipated, self.account.external_work
+        self.steps += [h] * made
+        self.frame += made
+        self.time = self.frame / self.scene.frame_rate
+        self._looked(made * count)
+        self.wall_seconds += time.perf_counter() - begun
+        return list(records)
+
+    def _is_steady(self) -> bool:
+        """Whether pins and loads are the same from frame to frame."""
+        explicit = self.guard is not None and self.scene.integrator == "explicit-euler"
+        return not (explicit or self.half_step_lag or self.scene.start == "half-step"
+                    or self.holder.is_moving or self.loading.changes)  # fmt: skip
+
+    def _frames_until_release(self) -> int:
+        releases = [
+            pin.release - self.time
+            for part in self.system.parts
+            for pin in part.body.pins
+            if pin.release is not None and pin.release > self.time
+        ]
+        return int(min(releases, default=np.inf) * self.scene.frame_rate) if releases else 1 << 30
+
+    def stretches(self, count: int, substeps: int, step: float, most_kinetic: float) -> int:
+        """Make bare stretches; returns how many were made (see `Stepper.stretches`)."""
+        return self.stepper.stretches(count, substeps, step, self.scene.gravity, most_kinetic)
+
+    def substep(self, count: int, step: float) -> None:
+        """`count` bare substeps of `step` [s], which nothing watches."""
+        self.stretches(1, count, step, math.inf)
+        self.limit.moved()
+
+    def change_step(self, before: float, after: float) -> None:
+        """Bring velocities from one step to another [s].
+
+        Symplectic Euler is the leapfrog method whose velocity lives half a step before its
+        position: v(t − h/2).  Without the shift each change would kick the energy by its difference
+        of (h/2) v·f, and a step that follows the swings of a body would pump it up.
+        """
+        plain = self.scene.integrator == "symplectic-euler" and not self.system.consistent
+        if plain and abs(after - before) > 1e-9 * before:
+            u, v = self.system.motion()
+            self.system.set_motion(u, v + 0.5 * (before - after) * self.acceleration())
+
+    def _recenter(self) -> None:
+        """Move a body's origin after it where it has travelled: u stays small, so exact in f32."""
+        moved = False
+        u = self.system.u
+        for part in self.system.parts:
+            here = u[part.nodes]
+            if np.abs(here[0]).max() < part.size:  # one node tells cheaply
+                continue
+            way = here.mean(axis=0, dtype=np.float64).astype(u.dtype)
+            if np.abs(way).max() < part.size:
+                continue
+            first = self.system.first + part.start
+            self.system.state.shift(first, first + len(here), way)
+            part.shift = part.shift + way.astype(np.float64)
+            moved = True
+        if moved:
+            self.place_obstacles()
+
+    # -- the present state ---------------------------------------------------------------------
+
+    def is_driven(self) -> bool:
+        """Whether loads or moved pins do work on the bodies."""
+        return self.holder.is_moving or any(part.body.loads for part in self.system.parts)
+
+    def acceleration(self) -> Floats:
+        """Acceleration of all nodes [m/s²] in the present state, internal order; 0 on held axes."""
+        system = self.system
+        force = self.observer.forces()
+        if self.loading.pressure:  # it follows the surface, so it is that of this very state
+            force += external_forces(system.parts, self.time, system.world())
+        elif self.loading.loads:
+            force += system.loads()[0]
+        a = force / system.mass[:, None] + np.asarray(self.scene.gravity)
+        drag = np.array([part.body.model.point_damping for part in system.parts])
+        a -= drag[system.body][:, None] * system.v
+        a[(self.holder.held[:, None] & np.array([1, 2, 4])) != 0] = 0.0
+        return a
+
+    def whole_velocities(self) -> Floats:
+        """Velocities [m/s] of all nodes at the present time, internal order."""
+        v = self.system.v.astype(np.float64)
+        if self.half_step_lag:  # the scheme's velocity lives half a step earlier
+            v += 0.5 * self.half_step_lag * self.acceleration()
+        return v
+
+    def energies(self) -> dict[str, float]:
+        """Kinetic, elastic and gravity energy [J]."""
+        table = self.observer.energies(self.scene.gravity)
+        if self.half_step_lag:
+            squares = (self.whole_velocities() ** 2).sum(axis=1)
+            table["kinetic"] = 0.5 * float(self.system.mass @ squares)
+        return table
+
+    def present(self) -> tuple[dict[str, float], float]:
+        """Energies [J] of the present state, and the power v·f [W] of all conservative forces."""
+        f = self.observer.forces()
+        f += self.system.mass[:, None] * np.asarray(self.scene.gravity)
+        return self.energies(), float(np.einsum("ij,ij->", self.whole_velocities(), f))
+
+    @property
+    def parts(self) -> list[Part]:
+        """The bodies' shares of the arrays."""
+        return self.system.parts
+
+
+def nothing(_: Any) -> None:
+    """The hook of an observer that has none."""
+
+
+def hook(observer: Any, name: str) -> Callable[[Any], Any]:
+    """An observer's on_start, on_frame or on_end; a plain callable is on_frame."""
+    default = observer if name == "on_frame" and callable(observer) else nothing
+    found: Callable[[Any], Any] = getattr(observer, name, default)
+    return found

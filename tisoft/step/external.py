@@ -1,0 +1,51 @@
+# mypy: ignore-errors
+"""External forces on a node: f_ext of the lectures' M a = f_int + f_ext.
+
+    a = (f_int + f_ext)/m + g − γ v
+
+f_ext are loads that keep their direction (`State.load`) and pressures that follow the surface:
+
+    f_i = −(p/6) Σ_faces (x_j − x_i) × (x_k − x_i)        face (i, j, k) seen from outside
+
+is the exact integral of −p n over linear triangles, N_i inside; every substep has its own.
+
+| symbol    | where                       | unit |
+| --------- | --------------------------- | ---- |
+| X_j − X_i | `pressure_numbers[q, 0..2]` | m    |
+| X_k − X_i | `pressure_numbers[q, 3..5]` | m    |
+| p/6       | `pressure_numbers[q, 6]`    | Pa   |
+| γ         | `drag`, point damping       | 1/s  |
+"""
+
+import taichi as ti
+
+
+@ti.func
+def press(state: ti.template(), i):
+    """Keep the pressures' force on node i [N] in state.pressed."""
+    ui = state.displacement[i]
+    f = 0.0 * ui
+    for q in range(state.pressure_start[i], state.pressure_start[i + 1]):
+        uj = state.displacement[state.pressure_ends[q][0]]
+        uk = state.displacement[state.pressure_ends[q][1]]
+        a, b = uj - ui, uk - ui
+        for d in range(3):
+            a[d] += state.pressure_numbers[q, d]
+            b[d] += state.pressure_numbers[q, 3 + d]
+        f -= state.pressure_numbers[q, 6] * a.cross(b)
+    state.pressed[i] = f
+
+
+@ti.func
+def force(state: ti.template(), i, now):
+    """f_ext on node i [N].  Reads state.load, state.pressed."""
+    f = 0.0 * state.load[i]
+    if now.loaded:
+        f = state.load[i] + state.pressed[i]
+    return f
+
+
+@ti.func
+def acceleration(state: ti.template(), i, f, now):
+    """a [m/s²] of node i under the force f [N].  Reads inverse_mass, drag, velocity."""
+    return f * state.inverse_mass[i] + now.gravity - state.drag[state.body[i]] * state.velocity[i]

@@ -1,0 +1,119 @@
+# mypy: ignore-errors
+"""Forces of elements: f_int of the lectures' M a = f_int + f_ext.
+
+A batch gathers its corners' u and v into local columns, lets the element compute, and adds the
+corner forces to its part's copies of the nodes.  What touches fields loops over corners outside
+and lanes inside; between gather and scatter all is local, so LLVM vectorises over lanes.  Loops
+are loops at run time wherever they may be: Taichi reads unrolled code ten times as slowly, and LLVM
+unrolls it all the same.
+"""
+
+import taichi as ti
+
+
+@ti.func
+def gather(block: ti.template(), field: ti.template(), b, columns: ti.template()):
+    """Rows 3c + d of `columns` become component d of `field` at corner c.
+
+    Reads block.cells, field.
+    """
+    for c in range(block.corners):
+        for lane in range(block.lanes):
+            i = block.cells[b, c, lane]
+            for d in range(3):
+                columns[3 * c + d, lane] = field[i][d]
+
+
+@ti.func
+def scatter(
+    block: ti.template(), copies: ti.template(), b, columns: ti.template(), first: ti.template()
+):
+    """Add rows `first` + 3c + d of `columns` to the part's copy of corner c.
+
+    Reads block.places; adds to copies.  Within a part one lane follows the other.
+    """
+    for lane in range(block.lanes):
+        for c in range(block.corners):
+            k = block.places[b, c, lane]
+            for d in ti.static(range(3)):
+                copies[k][d] = copies[k][d] + columns[first + 3 * c + d, lane]
+
+
+@ti.func
+def load_rest(block: ti.template(), b, rest: ti.template()):
+    """The batch's rest numbers, copied before the loop over lanes.  Reads block.rest."""
+    for k in range(block.element.numbers):
+        for lane in range(block.lanes):
+            rest[k, lane] = block.rest[b, k, lane]
+
+
+@ti.func
+def material(block: ti.template(), b):
+    """The batch's material row m.  Reads block.owner, block.material."""
+    row = block.owner[b]
+    return ti.Vector([block.material[row, k] for k in range(block.columns)])
+
+
+@ti.func
+def batch(block: ti.template(), state: ti.template(), apart: ti.template(), b):
+    """Add the forces of batch b to the copies of its nodes; `apart`, the viscous share too.
+
+    Reads block.*, state.displacement, state.velocity; adds to state.force, state.viscous_force.
+    """
+    lanes, size = ti.static(block.lanes, 3 * block.corners)
+    rest = ti.Matrix.zero(block.real, block.element.numbers, lanes)
+    u = ti.Matrix.zero(block.real, size, lanes)
+    load_rest(block, b, rest)
+    gather(block, state.displacement, b, u)
+    m = material(block, b)
+    v = ti.Matrix.zero(block.real, size, lanes)
+    if block.is_viscous[block.owner[b]]:
+        gather(block, state.velocity, b, v)
+    out = ti.Matrix.zero(block.real, (1 + apart) * size, lanes)
+    for lane in range(lanes):
+        block.element.forces(block.law, rest, u, v, m, lane, out)
+    scatter(block, state.force, b, out, 0)
+    if ti.static(apart):
+        scatter(block, state.viscous_force, b, out, size)
+
+
+@ti.func
+def total(state: ti.template(), i):
+    """Sum of the copies of node i's force [N], which are 0 again afterwards.
+
+    Reads state.copy_start; takes from state.force.
+    """
+    f = 0.0 * state.force[0]
+    for k in range(state.copy_start[i], state.copy_start[i + 1]):
+        for d in ti.static(range(3)):
+            f[d] += state.force[k][d]
+            state.force[k][d] = 0.0
+    return f
+
+
+@ti.func
+def viscous_total(state: ti.template(), i):
+    """The viscous share of it [N]; takes from state.viscous_force."""
+    f = 0.0 * state.force[0]
+    for k in range(state.copy_start[i], state.copy_start[i + 1]):
+        for d in ti.static(range(3)):
+            f[d] += state.viscous_force[k][d]
+            state.viscous_force[k][d] = 0.0
+    return f
+
+
+@ti.func
+def batch_energy(block: ti.template(), state: ti.template(), b):
+    """Elastic energy of batch b [J], in f64.  Reads block.*, state.displacement."""
+    rest = ti.Matrix.zero(block.real, block.element.numbers, block.lanes)
+    u = ti.Matrix.zero(block.real, 3 * block.corners, block.lanes)
+    load_rest(block, b, rest)
+    gather(block, state.displacement, b, u)
+    m = material(block, b)
+    each = ti.Vector.zero(block.real, block.lanes)
+    for lane in range(block.lanes):
+        each[lane] = block.element.energy(block.law, rest, u, m, lane)
+    total = ti.cast(0.0, state.wide)
+    for lane in range(block.lanes):
+        total += each[lane]
+    return total

@@ -1,0 +1,100 @@
+# mypy: ignore-errors
+"""Substeps on a GPU: every pass is a launch of parallel loops over batches and nodes.
+
+The functions are those of `passes`; there a batch has several lanes and a part several batches,
+here a lane is a batch and a batch a part.
+"""
+
+from typing import Any
+
+import taichi as ti
+
+from tisoft.model.state import CHUNK, DONE, FIRST, LAST, PASSES, TRIPPED
+from tisoft.step import consistent_mass, external, forces, record
+from tisoft.step.substep import begin_solve, move_solved, node, now_of
+
+
+def make_advance(s: Any) -> Any:
+    """advance(scene), as that of `passes`; the device has its own number of threads."""
+
+    @ti.kernel
+    def save(scene: int):
+        for i in range(s.state.ranges[scene, 0], s.state.ranges[scene, 1]):
+            record.save(s.state, i)
+
+    @ti.kernel
+    def push(scene: int, number: int, passes: int):
+        for k in ti.static(range(len(s.blocks))):
+            begin = s.blocks[k].part_start[s.state.ranges[scene, 2 + 2 * k]]
+            end = s.blocks[k].part_start[s.state.ranges[scene, 3 + 2 * k]]
+            for b in range(begin, end):
+                forces.batch(s.blocks[k], s.state, s.ledger, b)
+        for i in range(s.state.ranges[scene, 0], s.state.ranges[scene, 1]):
+            if now_of(s, scene, number, passes).loaded:
+                external.press(s.state, i)
+
+    @ti.kernel
+    def move(scene: int, number: int, passes: int):
+        for i in range(s.state.ranges[scene, 0], s.state.ranges[scene, 1]):
+            node(s, i, now_of(s, scene, number, passes))
+
+    @ti.kernel
+    def begin(scene: int, number: int, passes: int):
+        for i in range(s.state.ranges[scene, 0], s.state.ranges[scene, 1]):
+            back = s.state.ranges[scene, 15] - s.state.ranges[scene, 0]
+            begin_solve(s, i, i + back, now_of(s, scene, number, passes))
+
+    @ti.kernel
+    def iterate(scene: int, k: int):
+        for i in range(s.state.ranges[scene, 0], s.state.ranges[scene, 1]):
+            back = s.state.ranges[scene, 15] - s.state.ranges[scene, 0]
+            if k % 2 == 0:
+                consistent_mass.iterate_solve(s.mass, s.state, i, i + back, k, 0)
+            else:
+                consistent_mass.iterate_solve(s.mass, s.state, i, i + back, k, 1)
+
+    @ti.kernel
+    def end(scene: int, number: int, passes: int):
+        for i in range(s.state.ranges[scene, 0], s.state.ranges[scene, 1]):
+            back = s.state.ranges[scene, 15] - s.state.ranges[scene, 0]
+            move_solved(s, i, i + back, now_of(s, scene, number, passes))
+
+    @ti.kernel
+    def sum_up(scene: int):
+        for chunk in range((s.state.ranges[scene, 1] - s.state.ranges[scene, 0] - 1) // CHUNK + 1):
+            record.sum_chunk(s, scene, chunk)
+        if ti.static(s.ledger):
+            for k in ti.static(range(len(s.blocks))):
+                begin, end = s.state.ranges[scene, 2 + 2 * k], s.state.ranges[scene, 3 + 2 * k]
+                for part in range(begin, end):
+                    s.blocks[k].energy[part] = record.part_energy(s.blocks[k], s.state, part)
+
+    @ti.kernel
+    def write(scene: int, number: int):
+        record.write(s, scene, number)
+
+    def nodes(scene: int, number: int, passes: int) -> None:
+        if s.mass is None:
+            move(scene, number, passes)
+            return
+        begin(scene, number, passes)
+        for k in range(s.mass.iterations):
+            iterate(scene, k)
+        end(scene, number, passes)
+
+    def advance(scene: int) -> None:
+        orders = s.state.orders
+        passes, last = orders[scene, PASSES], orders[scene, LAST]
+        orders[scene, DONE], orders[scene, TRIPPED] = 0, 0
+        for number in range(orders[scene, FIRST], last):
+            if number % passes == 0:
+                save(scene)
+            push(scene, number % passes, passes)
+            nodes(scene, number % passes, passes)
+            if (number + 1) % passes == 0:
+                sum_up(scene)
+                write(scene, (number + 1) // passes - 1)
+                if orders[scene, TRIPPED]:
+                    return
+
+    return advance

@@ -1,0 +1,44 @@
+# mypy: ignore-errors
+"""What a substep does to the energy of a node: the ledger's entries, in f64 per node.
+
+With v and v' the velocities around a kick of k seconds by the force f = f_c + f_d + f_e
+(conservative, dissipating, external), J = m (v' − v) − k f the impulse of contact or of a pin, and
+d the displacement, the kinetic energy changes by exactly (k f + J)·(v + v')/2.  Of this
+
+    dissipated     D = −k f_d·(v + v')/2,  contact  −J·(v + v')/2 + (f_c + f_e)·(push out of it)
+    external work  W = f_e·d,              moved pins  J·(v + v')/2
+
+Then T + V + D − W differs from its start by −(h/2) v·f alone, f = −∂V/∂x with loads: the swing of
+symplectic Euler, O(h), which does not grow (its conserved energy is T + V + (h/2) v·f), and by
+O(h²) with velocity Verlet.  A force held for the substep does exactly f_e·d of work.
+"""
+
+import taichi as ti
+
+
+@ti.func
+def note(state: ti.template(), i, elements, viscous, moved, old, now):
+    """Add node i's dissipated energy and external work [J] of a pass to state.work.
+
+    Args: elements, viscous: force of the elements and its viscous share [N]; moved: what the
+    integrator returned; old: velocity before the pass [m/s].
+    """
+    mass = 1.0 / state.inverse_mass[i]
+    load = 0.0 * elements
+    if now.loaded:
+        load = state.load[i] + state.pressed[i]
+    kept = elements - viscous + mass * now.gravity
+    lost = viscous - state.drag[state.body[i]] * mass * old
+    mean = 0.5 * (moved.before + moved.after)
+    taken = -moved.kick * lost.dot(mean)
+    given = load.dot(moved.way)
+    bits = state.fixed[i]
+    for c in ti.static(range(3)):
+        if bits & (1 << c):
+            impulse = mass * (moved.after[c] - moved.before[c])
+            impulse -= moved.kick * (kept[c] + lost[c] + load[c])
+            given += impulse * mean[c]
+        else:
+            taken += (kept[c] + load[c]) * moved.push[c] - mass * moved.jump[c] * mean[c]
+    state.work[i][0] = state.work[i][0] + taken
+    state.work[i][1] = state.work[i][1] + given

@@ -1,0 +1,258 @@
+"""Loads at work: what pushes the nodes in a frame, and at a moment for statics.
+
+    force     F w_i, w_i = node's share of the selected faces' area at rest (equal without faces)
+    traction  t A_i, A_i = node's third of each selected face at rest [m²]
+    pressure  −p ∫ N_i n dA on the faces as they are: follows the surface, each substep anew
+    torque    f_i = w_i ω × ρ_i,  ρ_i = x_i − Σ w x,  Σ w (|ρ|² − ρ ρᵀ) ω = M:  a pure couple
+
+A couple has the same moment M about every axis of its direction, and no net force.  Its forces turn
+with the face, M keeps its direction: they are set at the middle of each frame, where the face then
+is if it goes on as it does.  A load's factor in a frame is its mean over the frame, exactly, so
+that impulses come out right however coarse the frames are.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tisoft.model.part import Part
+from tisoft.model.state import PRESSURE_NUMBERS
+from tisoft.model.system import System
+from tisoft.loads import Load
+from tisoft.models.mass_spring import triangle_areas
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+Floats = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+
+def external_forces(parts: Sequence[Part], time: float, positions: Any = None) -> Floats:
+    """Forces of all loads [N] at `time` [s], shape (nodes, 3), nodes numbered inside.
+
+    Args:
+        parts: the bodies.
+        time: [s]
+        positions: world positions [m], inside order, for what follows the surface; left out, rest.
+    """
+    count = sum(len(part.order) for part in parts)
+    x = rest_positions(parts) if positions is None else np.asarray(positions, np.float64)
+    total = np.zeros((count, 3))
+    for part in parts:
+        for load in part.body.loads:
+            factor = load.factor(time)
+            if factor:
+                total[part.nodes] += factor * forces_of(part, load, x[part.nodes])
+    return total
+
+
+def rest_positions(parts: Sequence[Part]) -> Floats:
+    """World positions at rest [m], inside order, shape (nodes, 3)."""
+    return np.concatenate([part.body.mesh.points[part.order] for part in parts])
+
+
+def forces_of(part: Part, load: Load, x: Floats) -> Floats:
+    """Forces of one load at factor 1 [N] on its body's nodes at positions x [m]."""
+    if load.pressure is not None:
+        return _pressure_forces(_faces(part, load), load.pressure, x)
+    rows, shares, area = _shares(part, load)
+    out = np.zeros_like(x)
+    if load.force is not None:
+        out[rows] = shares[:, None] * np.array(load.force)
+    elif load.traction is not None:
+        out[rows] = area * shares[:, None] * np.array(load.traction)
+    else:
+        assert load.torque is not None
+        moment = load.torque.moment * np.array(load.torque.axis)
+        out[rows] = couple(x[rows], shares, moment)
+    return out
+
+
+def couple(x: Floats, shares: Floats, moment: Floats) -> Floats:
+    """Forces w_i ω × ρ_i [N] at points x [m] that add up to a moment [N·m] and to no force."""
+    arm = x - shares @ x
+    spread = np.einsum("n,ni,nj->ij", shares, arm, arm)
+    inertia = np.trace(spread) * np.eye(3) - spread
+    # A face squeezed to a line cannot be turned about it: pinv leaves that share out.
+    spin = np.linalg.pinv(inertia, rcond=1e-12) @ moment
+    return shares[:, None] * np.cross(spin, arm)
+
+
+def pressure_tangent(part: Part, time: float, x: Floats) -> csr_array:
+    """∂f/∂x [N/m] of all pressures on one body at `time` [s], a (3 nodes, 3 nodes) matrix.
+
+    Symmetric where the loaded faces close, or end on held nodes.
+    """
+    from scipy.sparse import csr_array
+
+    size = 3 * len(x)
+    total = csr_array((size, size))
+    for load in part.body.loads:
+        if load.pressure is None or not load.factor(time):
+            continue
+        faces = _faces(part, load)
+        scale = -load.factor(time) * load.pressure / 6.0
+        # d of (x_1 − x_0) × (x_2 − x_0) by x_c is the cross product with the opposite edge.
+        edges = [x[faces[:, (c + 2) % 3]] - x[faces[:, (c + 1) % 3]] for c in range(3)]
+        for c, edge in enumerate(edges):
+            block = scale * _cross_matrices(edge)
+            for a in range(3):
+                total = total + _scattered(block, faces[:, a], faces[:, c], size)
+    return total
+
+
+def _cross_matrices(vectors: Floats) -> Floats:
+    """Matrices of e × ·, shape (n, 3, 3)."""
+    x, y, z = vectors.T
+    o = np.zeros_like(x)
+    return np.stack([o, -z, y, z, o, -x, -y, x, o], axis=1).reshape(-1, 3, 3)
+
+
+def _scattered(blocks: Floats, rows: Rows, columns: Rows, size: int) -> csr_array:
+    from scipy.sparse import coo_array
+
+    k = np.arange(3)
+    i = (3 * rows[:, None, None] + k[:, None]) + 0 * k
+    j = (3 * columns[:, None, None] + k) + 0 * k[:, None]
+    return coo_array((blocks.ravel(), (i.ravel(), j.ravel())), shape=(size, size)).tocsr()
+
+
+def _faces(part: Part, load: Load) -> Rows:
+    """Loaded faces in the body's inside rows, shape (faces, 3)."""
+    body = part.body
+    faces: Rows = part.rank[body.mesh.surface[body.faces(load.where)]]
+    return faces
+
+
+def _shares(part: Part, load: Load) -> tuple[Rows, Floats, float]:
+    """Loaded inside rows of a body, their shares (which add up to 1), and the area [m²]."""
+    faces = _faces(part, load)
+    if not len(faces):
+        rows = part.rank[part.body.nodes(load.where)]
+        return rows, np.full(len(rows), 1.0 / len(rows)), 0.0
+    areas = triangle_areas(part.body.mesh.points[part.order], faces)
+    weights = np.bincount(faces.ravel(), np.repeat(areas / 3.0, 3), minlength=len(part.order))
+    rows = np.flatnonzero(weights)
+    return rows, weights[rows] / areas.sum(), float(areas.sum())
+
+
+def _pressure_forces(faces: Rows, pressure: float, x: Floats) -> Floats:
+    a, b, c = (x[faces[:, k]] for k in range(3))
+    each = -pressure / 6.0 * np.cross(b - a, c - a)
+    out = np.zeros_like(x)
+    for k in range(3):
+        np.add.at(out, faces[:, k], each)
+    return out
+
+
+def mean_factor(load: Load, start: float, end: float) -> float:
+    """Mean of the load's factor from `start` to `end` [s]."""
+    if load.table is not None:
+        marks = [row[0] for row in load.table]
+    else:
+        marks = [load.start, load.start + (load.ramp or 0.0)]
+        marks += [] if load.end is None else [load.end]
+    times = [start, *sorted(t for t in marks if start < t < end), end]
+    # Between its marks the factor is linear: its middle is its mean.
+    pieces = itertools.pairwise(times)
+    return sum((b - a) * load.factor(0.5 * (a + b)) for a, b in pieces) / (end - start)
+
+
+class Loading:
+    """Keeps a system's loads and pressures right."""
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self._known: list[Load] = []
+        self._total = np.zeros((system.count, 3))
+        self._dead: list[tuple[Part, Load, Floats]] = []
+        self._turning: list[tuple[Part, Load, Rows, Floats]] = []
+        self._pressed: list[tuple[Load, NDArray[np.bool_]]] = []
+        self.refresh()
+
+    @property
+    def loads(self) -> bool:
+        """Whether some load keeps its direction, or is a torque."""
+        return bool(self._dead or self._turning)
+
+    @property
+    def changes(self) -> bool:
+        """Whether some load is another one in the next frame."""
+        return bool(self._turning) or any(not load.is_constant for load in self._known)
+
+    @property
+    def pressure(self) -> bool:
+        """Whether some pressure acts."""
+        return bool(self._pressed)
+
+    def refresh(self) -> bool:
+        """Look at the bodies' loads again; returns whether they are others than before."""
+        given = [(part, load) for part in self.system.parts for load in part.body.loads]
+        if len(given) == len(self._known) and all(
+            load is known for (_, load), known in zip(given, self._known, strict=True)
+        ):
+            return False
+        self._known = [load for _, load in given]
+        self._dead, self._turning = [], []
+        for part, load in given:
+            x = part.body.mesh.points[part.order]
+            if load.torque is not None:
+                self._turning.append((part, load, *_shares(part, load)[:2]))
+            elif load.pressure is None:
+                self._dead.append((part, load, forces_of(part, load, x)))
+        self._total = np.full((self.system.count, 3), np.nan)  # so that the next frame writes it
+        self._make_pressures([(part, load) for part, load in given if load.pressure is not None])
+        return True
+
+    def _make_pressures(self, given: list[tuple[Part, Load]]) -> None:
+        """Rows of `pressure_force`: each loaded face seen from each of its nodes."""
+        s = self.system
+        faces = [_faces(part, load) + part.start for part, load in given]
+        turned = [np.concatenate([f, f[:, [1, 2, 0]], f[:, [2, 0, 1]]]) for f in faces]
+        rows = np.concatenate(turned) if turned else np.empty((0, 3), np.int64)
+        number = np.repeat(np.arange(len(given)), [len(t) for t in turned])
+        order = np.argsort(rows[:, 0], kind="stable")
+        rows, number = rows[order], number[order]
+        starts = np.zeros(s.count + 1, np.int32)
+        np.cumsum(np.bincount(rows[:, 0], minlength=s.count), out=starts[1:])
+        i, j, k = rows.T
+        self._data = np.zeros((len(rows), PRESSURE_NUMBERS))
+        self._data[:, :3] = s.rest_host[j] - s.rest_host[i]
+        self._data[:, 3:6] = s.rest_host[k] - s.rest_host[i]
+        self._pressed = [(load, number == n) for n, (_, load) in enumerate(given)]
+        self._rows = starts, rows[:, 1:]
+        if given:
+            s.set_pressures(*self._rows, self._data)
+
+    def begin(self, start: float, end: float) -> None:
+        """Prepare the frame from `start` to `end` [s]."""
+        s = self.system
+        if self.loads:
+            total = np.zeros((s.count, 3))
+            for part, load, forces in self._dead:
+                total[part.nodes] += mean_factor(load, start, end) * forces
+            if self._turning:
+                u, v = (values.astype(np.float64) for values in s.motion())
+                x = s.world(u) + 0.5 * (end - start) * v
+                for part, load, rows, shares in self._turning:
+                    assert load.torque is not None
+                    moment = mean_factor(load, start, end) * load.torque.moment
+                    turn = couple(x[part.nodes][rows], shares, moment * np.array(load.torque.axis))
+                    total[part.nodes][rows] += turn
+            if not np.array_equal(total, self._total):
+                self._total = total
+                s.set_loads(total)
+        if self.pressure:
+            scale = np.zeros(len(self._data))
+            for load, mine in self._pressed:
+                assert load.pressure is not None
+                scale[mine] = mean_factor(load, start, end) * load.pressure / 6.0
+            if not np.array_equal(scale, self._data[:, 6]):
+                self._data[:, 6] = scale
+                s.set_pressures(*self._rows, self._data)

@@ -1,0 +1,127 @@
+# mypy: ignore-errors
+"""Substeps on the CPU: one launch for many, every thread walking through all of them.
+
+    forces of the thread's parts | barrier | the thread's nodes | barrier | …
+
+Threads own fixed ranges of parts and nodes and meet at barriers (an atomic on a counter, none on
+data), so the bits are the same for any number of threads.  After each stretch (a frame, or a piece
+of a long one) the launch records what it came to, and ends where the state is no longer finite or
+moves more than it may.
+"""
+
+from typing import Any
+
+import taichi as ti
+
+from tisoft.model.state import DONE, FIRST, LAST, PASSES, THREADS, TRIPPED
+from tisoft.step import consistent_mass, external, forces, record
+from tisoft.step.substep import begin_solve, move_solved, node, now_of
+
+SLICE = 512
+"""Iterations per thread of the outer loop: Taichi never cuts a slice of this size in two."""
+
+
+@ti.func
+def meet(s: ti.template(), scene, phase, threads):
+    """Wait until all threads have come here for the `phase`-th time (counted from 1)."""
+    if threads > 1:
+        ti.atomic_add(s.state.arrived[scene], 1)
+        while ti.atomic_or(s.state.arrived[scene], 0) < phase * threads:
+            pass
+
+
+@ti.func
+def share(low, high, t, threads):
+    """Where the share of thread t in low .. high begins."""
+    return low + (high - low) * t // threads
+
+
+@ti.func
+def batches(s: ti.template(), k: ti.template(), scene, t, threads):
+    """First and last batch of block k that are thread t's.  Reads ranges, part_start."""
+    low, high = s.state.ranges[scene, 2 + 2 * k], s.state.ranges[scene, 3 + 2 * k]
+    first = s.blocks[k].part_start[share(low, high, t, threads)]
+    return first, s.blocks[k].part_start[share(low, high, t + 1, threads)]
+
+
+@ti.func
+def solve(s: ti.template(), scene, t, threads, phase, now):
+    """The thread's nodes with consistent mass; returns the phase that it has come to."""
+    low, high = s.state.ranges[scene, 0], s.state.ranges[scene, 1]
+    first, last = share(low, high, t, threads), share(low, high, t + 1, threads)
+    back = s.state.ranges[scene, 15] - low  # from a node to its row of the matrix
+    for i in range(first, last):
+        begin_solve(s, i, i + back, now)
+    for k in range(s.mass.iterations // 2):
+        for half in ti.static(range(2)):
+            phase += 1
+            meet(s, scene, phase, threads)
+            for i in range(first, last):
+                consistent_mass.iterate_solve(s.mass, s.state, i, i + back, 2 * k + half, half)
+    for i in range(first, last):  # a node's acceleration is its own by now
+        move_solved(s, i, i + back, now)
+    return phase
+
+
+@ti.func
+def walk(s: ti.template(), scene, t, threads):
+    """All passes of the launch, as thread t of `threads` sees them."""
+    low, high = s.state.ranges[scene, 0], s.state.ranges[scene, 1]
+    first, last = share(low, high, t, threads), share(low, high, t + 1, threads)
+    passes = s.state.orders[scene, PASSES]
+    number, end = s.state.orders[scene, FIRST], s.state.orders[scene, LAST]
+    phase = 0
+    while number < end:
+        now = now_of(s, scene, number % passes, passes)
+        if number % passes == 0:
+            for i in range(first, last):
+                record.save(s.state, i)
+        for k in ti.static(range(len(s.blocks))):
+            begin, stop = batches(s, k, scene, t, threads)
+            for b in range(begin, stop):
+                forces.batch(s.blocks[k], s.state, s.ledger, b)
+        if now.loaded:
+            for i in range(first, last):
+                external.press(s.state, i)
+        phase += 1
+        meet(s, scene, phase, threads)
+        if ti.static(s.consistent):
+            phase = solve(s, scene, t, threads, phase, now)
+        else:
+            for i in range(first, last):
+                node(s, i, now)
+        phase += 1
+        meet(s, scene, phase, threads)
+        number += 1
+        if number % passes == 0:
+            record.sum_up(s, scene, t, threads)
+            phase += 1
+            meet(s, scene, phase, threads)
+            if t == 0:
+                record.write(s, scene, number // passes - 1)
+            phase += 1
+            meet(s, scene, phase, threads)
+            if s.state.orders[scene, TRIPPED]:
+                number = end
+
+
+def make_advance(s: Any, alone: bool) -> Any:
+    """The kernel advance(scene); `alone` runs on the caller's thread, to which handing a small
+    frame over would cost as much as the frame.
+    """
+
+    @ti.kernel
+    def advance(scene: int):
+        s.state.arrived[scene] = 0
+        s.state.orders[scene, DONE] = 0
+        s.state.orders[scene, TRIPPED] = 0
+        if ti.static(alone):
+            ti.loop_config(serialize=True)
+            for _ in range(1):
+                walk(s, scene, 0, 1)
+        else:
+            for item in range(s.state.orders[scene, THREADS] * SLICE):
+                if item % SLICE == 0:
+                    walk(s, scene, item // SLICE, s.state.orders[scene, THREADS])
+
+    return advance

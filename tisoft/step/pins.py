@@ -1,0 +1,85 @@
+"""Pins at work: held axes, the velocities that carry moved pins through a frame, exact ends."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tisoft.model.part import Part
+from tisoft.model.system import System
+from tisoft.pins import Pin
+
+SAME_TIME = 1e-9
+"""Share of a frame by which a release may seem late through rounding."""
+
+
+class Holder:
+    """Keeps what pins hold and prescribe right in the fields, and does nothing while nothing moves."""
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self._key: tuple[object, ...] | None = None
+        self.held = np.zeros(system.count, np.int32)
+        self.drive = np.zeros((system.count, 3))
+        self._moved: list[tuple[Part, Pin, NDArray[np.int64], NDArray[np.int64]]] = []
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether some pin moves."""
+        return bool(self._moved)
+
+    def begin(self, start: float, end: float) -> bool:
+        """Prepare the frame from `start` to `end` [s]; returns whether the held axes changed."""
+        late = SAME_TIME * (end - start)
+        active = [
+            (part, pin)
+            for part in self.system.parts
+            for pin in part.body.pins
+            if pin.release is None or start < pin.release - late
+        ]
+        key = tuple(pin for _, pin in active)
+        changed = (
+            self._key is None
+            or len(key) != len(self._key)
+            or any(a is not b for a, b in zip(key, self._key, strict=True))
+        )
+        if changed:
+            self._key = key
+            self._hold(active)
+        if self._moved and end > start:
+            self._drive(start, end)
+        return changed
+
+    def _hold(self, active: list[tuple[Part, Pin]]) -> None:
+        held = np.zeros(self.system.count, np.int32)
+        self._moved = []
+        for part, pin in active:
+            rows = part.body.nodes(pin.where)
+            inside = part.start + part.rank[rows]
+            for axis in pin.axes:
+                held[inside] |= 1 << "xyz".index(axis)
+            if pin.velocity is not None or pin.path is not None or pin.turn is not None:
+                self._moved.append((part, pin, rows, inside))
+        # What was let go keeps its velocity; what is held at rest stands still at once.
+        self.held = held
+        self.drive = np.zeros((self.system.count, 3))
+        self.write()
+
+    def write(self) -> None:
+        """Write what is held, and how it moves, into the fields."""
+        self.system.set_fixed(self.held, self.drive)
+
+    def _drive(self, start: float, end: float) -> None:
+        for part, pin, rows, inside in self._moved:
+            points = part.body.mesh.points[rows]
+            way = pin.displacement(points, end) - pin.displacement(points, start)
+            axes = np.array(["xyz".index(axis) for axis in pin.axes])
+            self.drive[np.ix_(inside, axes)] = way[:, axes] / (end - start)
+        self.write()
+
+    def finish(self, end: float) -> None:
+        """Put moved pins exactly where they belong at `end` [s]: rounding must not add up."""
+        for part, pin, rows, inside in self._moved:
+            place = pin.displacement(part.body.mesh.points[rows], end) - part.shift
+            bits = sum(1 << "xyz".index(axis) for axis in pin.axes)
+            self.system.set_places(inside, np.full(len(inside), bits), place)

@@ -1,0 +1,190 @@
+"""Launches of substeps: which kernel, how many threads, how long."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tisoft import runtime
+from tisoft.model import state as columns
+from tisoft.model.system import System
+from tisoft.step.explicit_euler import ExplicitEuler
+from tisoft.step.launches import make_advance as make_launches
+from tisoft.step.pace import CELLS_PER_THREAD, TRIAL, TRIAL_WORK, Pace
+from tisoft.step.passes import make_advance
+from tisoft.step.substep import Structure
+from tisoft.step.symplectic_euler import SymplecticEuler
+from tisoft.step.velocity_verlet import VelocityVerlet
+
+INTEGRATORS = {
+    "symplectic-euler": SymplecticEuler,
+    "velocity-verlet": VelocityVerlet,
+    "explicit-euler": ExplicitEuler,
+}
+"""By their words in scene files."""
+
+LAUNCH_WORK = 400_000
+"""Cell-substeps per launch at the most, some 5 ms: Ctrl-C and a busy machine are felt soon."""
+SHORTEST = 8
+"""Substeps per launch that are worth it for any scene."""
+SPRINGS_PER_TET = 3
+"""Springs that cost about as much as one tet."""
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What a substep has to do besides forces."""
+
+    integrator: str
+    contact: bool
+    ledger: bool
+
+
+class Stepper:
+    """Advances a System by stretches of substeps.
+
+    Args:
+        system: the bodies.
+        rules: what kernels are compiled for.
+        threads: CPU threads; None: chosen by the scene's size and the machine's load.
+    """
+
+    def __init__(self, system: System, rules: Rules, *, threads: int | None) -> None:
+        self.system = system
+        self.rules = rules
+        self.integrator = INTEGRATORS[rules.integrator]
+        work = system.tets + system.springs // SPRINGS_PER_TET
+        pool = runtime.threads() if runtime.on_cpu() else 1
+        most = max(1, min(pool, work // CELLS_PER_THREAD))
+        self.pace = Pace(most if threads is None else max(1, min(threads, pool)))
+        self.fixed = threads
+        self.longest = max(SHORTEST, LAUNCH_WORK // max(1, work))
+        self.trial = max(TRIAL, TRIAL_WORK // max(1, work))
+        self.loaded = False
+        """Whether loads and pressures act."""
+        self._known: dict[tuple[str, int], float] = {}
+        self._advance = self._kernel()
+
+    def _kernel(self) -> Any:
+        """advance(scene), compiled once for the fields that it touches and the rules."""
+        s = self.system
+        mass = s.mass_lease.fields if s.mass_lease is not None else None
+        blocks = tuple(share.block for share in s.shares)
+        alone = self.pace.most == 1
+        key = ("advance", *blocks, mass, self.rules, alone, runtime.on_cpu())
+        kernels = s.lease.arena.kernels
+        if key not in kernels:
+            rules = self.rules
+            structure = Structure(
+                s.state, blocks, self.integrator, rules.contact, rules.ledger, mass
+            )
+            on_cpu = runtime.on_cpu()
+            kernels[key] = make_advance(structure, alone) if on_cpu else make_launches(structure)
+        return kernels[key]
+
+    def advance(self, substeps: int, step: float, gravity: Any) -> None:
+        """One stretch: `substeps` substeps of `step` [s] under `gravity` [m/s²]."""
+        self.stretches(1, substeps, step, gravity)
+
+    def stretches(
+        self, count: int, substeps: int, step: float, gravity: Any, most_kinetic: float = np.inf
+    ) -> int:
+        """`count` stretches (FRAMES at the most) of `substeps` substeps; returns how many were made.
+
+        They end early after one whose state is not finite, or whose kinetic energy [J] is above
+        `most_kinetic`; `tripped` then tells.  The state at the start of the last one made is saved.
+        """
+        self.system.check_alive()
+        for name, value in zip(
+            (columns.STEP, 1, 2, 3, columns.MOST_KINETIC),
+            (step, *gravity, min(most_kinetic, 1e300)),
+            strict=True,
+        ):
+            self._set("settings", name, float(value))
+        self._set("orders", columns.LOADED, int(self.loaded))
+        # A stretch cut into launches gives the bits of one launch: velocity Verlet's last pass only
+        # closes the last substep.
+        passes = substeps + (self.integrator.closing_passes if substeps else 0)
+        if passes == 0:
+            self.compile()
+            return 0
+        self._set("orders", columns.PASSES, passes)
+        done, end = 0, count * passes
+        while done < end:
+            done = self._launch(done, end)
+            if self.tripped:
+                return int(self.system.state.orders[self.system.scene, columns.DONE])
+        return count
+
+    def _launch(self, done: int, end: int) -> int:
+        """Passes from `done` on, to `end` or as many as a launch takes; returns where it ended."""
+        now = min(end - done, self.trial if self._tries() else self.longest)
+        threads = self.pace.threads() if self.fixed is None else self.pace.most
+        self._set("orders", columns.FIRST, done)
+        self._set("orders", columns.LAST, done + now)
+        self._set("orders", columns.THREADS, threads)
+        begun = time.perf_counter()
+        self._advance(self.system.scene)
+        if not runtime.on_cpu():
+            runtime.import_taichi().sync()
+        if self.fixed is None:
+            self.pace.took(threads, (time.perf_counter() - begun) / now)
+        return done + now
+
+    def compile(self) -> None:
+        """Compile the kernel by a launch of no substep."""
+        self._set("orders", columns.FIRST, 0)
+        self._set("orders", columns.LAST, 0)
+        self._advance(self.system.scene)
+
+    def _tries(self) -> bool:
+        return self.fixed is None and self.pace.is_trial()
+
+    def _set(self, field: str, column: int, value: float) -> None:
+        """Write one number of the scene's orders or settings, where it is another than before."""
+        if self._known.get((field, column)) != value:
+            self._known[field, column] = value
+            getattr(self.system.state, field)[self.system.scene, column] = value
+
+    @property
+    def tripped(self) -> bool:
+        """Whether the last launch ended early."""
+        return bool(self.system.state.orders[self.system.scene, columns.TRIPPED])
+
+    def kinetic(self, number: int) -> float:
+        """Kinetic energy [J] at the end of a stretch of the last launch."""
+        return self._record(number, 0)
+
+    def work(self, number: int) -> tuple[float, float]:
+        """Energy dissipated and external work [J] in a stretch of the last launch."""
+        return self._record(number, 5), self._record(number, 6)
+
+    def is_finite(self, number: int) -> bool:
+        """Whether the state at the end of a stretch of the last launch is."""
+        return math.isfinite(self._record(number, 7)) and math.isfinite(self._record(number, 0))
+
+    def _record(self, number: int, column: int) -> float:
+        row = self.system.lease.starts["records"] + number * self.system.record_rows
+        return float(self.system.state.record[row, column])
+
+    def records(self, count: int) -> NDArray[np.float64]:
+        """Records of the first `count` stretches made last, shape (count, 1 + probes, RECORD)."""
+        system = self.system
+        rows = system.record_rows
+        wide = np.float64 if runtime.has_f64() else np.float32
+        out = np.zeros((count * rows, columns.RECORD), wide)
+        system.state.read_record(system.lease.starts["records"], out)
+        return out.astype(np.float64).reshape(count, rows, columns.RECORD)
+
+    def save(self) -> None:
+        """Keep the present state."""
+        self.system.state.save(self.system.first, self.system.last)
+
+    def restore(self) -> None:
+        """Go back to the saved state."""
+        self.system.state.restore(self.system.first, self.system.last)
