@@ -70,7 +70,7 @@ class Motion:
         self.since_look = 0
         """Substeps since the limit was looked at."""
         self.wall_seconds = 0.0
-        self._compile_seconds = 0.0
+        self._compiled = runtime.compile_seconds
         with np.errstate(all="ignore"):  # what leaves the range of floats is refused by name
             probes = [(scene.bodies.index(b), node) for b, node in map(scene.probed_node, scene.probes)]
             bodies = [damped_body(body) for body in scene.bodies]
@@ -93,7 +93,6 @@ class Motion:
         self._compile(ledger)
 
     def _compile(self, ledger: bool) -> None:
-        begun = time.perf_counter()
         self.place_obstacles()
         if ledger:
             self.open_account()
@@ -101,12 +100,11 @@ class Motion:
         self.holder.begin(0.0, 0.0)
         self.limit.follow()
         self.stepper.compile()
-        self._compile_seconds += time.perf_counter() - begun
 
     @property
     def compile_seconds(self) -> float:
-        """Seconds that compiling kernels has taken."""
-        return self._compile_seconds + self.limit.compile_seconds
+        """Seconds that compiling kernels has taken since this simulation was begun."""
+        return runtime.compile_seconds - self._compiled
 
     def _make_stepper(self) -> Stepper:
         stepper = Stepper(self.system, self._rules(), threads=self._threads)
@@ -162,10 +160,8 @@ class Motion:
         if self.loading.refresh():
             self.stepper.loaded = self.loading.loads or self.loading.pressure
         if self._rules() != self.stepper.rules:
-            begun = time.perf_counter()
             self.stepper = self._make_stepper()
             self.stepper.compile()
-            self._compile_seconds += time.perf_counter() - begun
 
     def _stored(self) -> float:
         """T + W + G [J] of the present state, under the gravity that was known last."""
@@ -246,7 +242,7 @@ class Motion:
             self.half_step_lag = step
         if self.steps:
             self.change_step(self.steps[-1], step)
-        begun = time.perf_counter()
+        begun = _stepping_clock()
         if self.guard is None:
             self.stretches(1, count, step, math.inf)
         elif self.scene.integrator == "explicit-euler":
@@ -259,7 +255,7 @@ class Motion:
         self.steps.append(step)
         self.time = end
         self._looked(count)
-        self.wall_seconds += time.perf_counter() - begun
+        self.wall_seconds += _stepping_clock() - begun
 
     def make_frames(self, most: int) -> list[Floats]:
         """Advance up to `most` frames in one launch, where nothing has to be told between them;
@@ -277,7 +273,7 @@ class Motion:
         most = min(most, due, columns.FRAMES, self._frames_until_release())
         if most < 2 or count > self.look or not self.steps or self.steps[-1] != h:
             return []
-        begun = time.perf_counter()
+        begun = _stepping_clock()
         made = self.guard.carry_many(most, count, h) if self.guard else (
             self.stretches(most, count, h, math.inf)
         )  # fmt: skip
@@ -292,7 +288,7 @@ class Motion:
         self.frame += made
         self.time = self.frame / self.scene.frame_rate
         self._looked(made * count)
-        self.wall_seconds += time.perf_counter() - begun
+        self.wall_seconds += _stepping_clock() - begun
         return list(records)
 
     def _is_steady(self) -> bool:
@@ -394,6 +390,11 @@ class Motion:
     def parts(self) -> list[Part]:
         """The bodies' shares of the arrays."""
         return self.system.parts
+
+
+def _stepping_clock() -> float:
+    """Seconds on a clock that stands while kernels are compiled."""
+    return time.perf_counter() - runtime.compile_seconds
 
 
 def nothing(_: Any) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import time
 from typing import Any
 
 import numpy as np
@@ -62,6 +63,9 @@ def start(arch: str = "cpu", *, threads: int | None = None) -> str:
             arch=getattr(ti, arch),
             default_fp=ti.f32,
             fast_math=False,
+            # Taichi's own search for loads that stores already tell doubles the time to compile and
+            # hinders LLVM's vectoriser; LLVM does it afterwards anyway.
+            cfg_optimization=False,
             offline_cache=True,
             log_level=ti.ERROR,
             **options,
@@ -103,3 +107,28 @@ def pool(kind: Any) -> Any:
     if _pool is None:
         _pool = kind()
     return _pool
+
+
+compilations = 0
+"""Kernels of scenes compiled so far."""
+compile_seconds = 0.0
+"""Seconds that their first launches took."""
+
+
+def timed(kernel: Any) -> Any:
+    """A kernel whose first launch, which compiles it, is counted and timed."""
+    is_new = True
+
+    def launch(*arguments: Any) -> Any:
+        nonlocal is_new
+        global compilations, compile_seconds
+        if not is_new:
+            return kernel(*arguments)
+        begun = time.perf_counter()
+        result = kernel(*arguments)
+        is_new = False
+        compilations += 1
+        compile_seconds += time.perf_counter() - begun
+        return result
+
+    return launch

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import tisoft as ts
-from tisoft.dynamics.gpu import bind_gpu
 from tisoft.simulation import Simulation
+from tisoft.step.launches import make_advance as make_launches
 
 
 def _scene(integrator, precision, mass):
@@ -41,8 +41,7 @@ def _scene(integrator, precision, mass):
 def test_launches_per_substep_agree_with_one_launch_a_frame(integrator, mass, precision):
     one = Simulation(_scene(integrator, precision, mass), certify=False, threads=1)
     many = Simulation(_scene(integrator, precision, mass), certify=False, threads=1)
-    s = many.stepper
-    s._launch = bind_gpu(many.system, s.params, s.flags, many._kind, many._shape)
+    many.stepper._advance = make_launches(many.stepper.structure)
     for _ in range(10):
         one.step()
         many.step()
@@ -73,9 +72,8 @@ def test_launches_keep_the_same_account_under_loads(mass):
         scene.bodies[0].load(ts.where.everything(), pressure=100.0)
         scene.bodies[1].load(ts.where.everything(), force=(1, 0, 0))
         sim = Simulation(scene, certify=False, threads=1, ledger=True)
-        s = sim.stepper
         if plain:
-            s._launch = bind_gpu(sim.system, s.params, s.flags, sim._kind, sim._shape)
+            sim.stepper._advance = make_launches(sim.stepper.structure)
         for _ in range(10):
             sim.step()
         rows.append(sim.energy())

@@ -5,7 +5,6 @@ import pytest
 
 import tisoft as ts
 from tisoft import where
-from tisoft.dynamics import nodes
 from tisoft.stable.sharp import sharp_step
 from tisoft.model.system import System
 
@@ -17,7 +16,7 @@ def limit(*bodies):
     for mesh, model in bodies:
         scene.add_body(mesh, model).pin(CLAMP)
     ts.Simulation(scene)  # starts Taichi
-    return sharp_step(System(scene.bodies, "f64"), integrator=nodes.SYMPLECTIC_EULER)
+    return sharp_step(System(scene.bodies, "f64"), integrator="symplectic-euler")
 
 
 def near_below(found, true):

@@ -3,7 +3,6 @@
 import numpy as np
 
 import tisoft as ts
-from tisoft import runtime
 from tisoft.simulation import Simulation
 
 CLAMP = ts.where.box((-1e-6, -9, -9), (1e-6, 9, 9))
@@ -29,7 +28,7 @@ def raw(scene, step, substeps, *, x=None, v=None, nudge=1e-9, chunk=20):
     start = sim.positions() if x is None else x
     rest = sim.positions()
     random = np.random.default_rng(1).standard_normal(rest.shape)
-    moving = runtime.read(sim.system.held)[_ranks(sim)] == 0
+    moving = sim.holder.held[_ranks(sim)] == 0
     start = start + nudge * random * moving[:, None]
     sim.set_state(start, np.zeros_like(rest) if v is None else v)
     seen = []

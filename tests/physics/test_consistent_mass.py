@@ -27,8 +27,8 @@ def test_residual_is_rounding_after_the_fixed_iterations(precision, most):
 
 def test_rows_sum_to_the_lumped_masses():
     system = beam("f64").system
-    rows = np.repeat(np.arange(system.count), np.diff(system.mass_starts))
-    np.testing.assert_allclose(np.bincount(rows, system.mass_entries), system.mass, rtol=1e-13)
+    rows, _, entries = system.mass_entries()
+    np.testing.assert_allclose(np.bincount(rows, entries), system.mass, rtol=1e-13)
 
 
 def test_lumped_masses_need_no_solve():

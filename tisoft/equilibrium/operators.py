@@ -52,11 +52,8 @@ class Elastic:
 
     def _kernel(self, name: Any, make: Any) -> Any:
         blocks = tuple(share.block for share in self.system.shares)
-        found = self.system.lease.arena.kernels
-        key = (name, *blocks)
-        if key not in found:
-            found[key] = make(self.system.state, blocks)
-        return found[key]
+        state = self.system.state
+        return self.system.lease.arena.kernel((name, *blocks), lambda: make(state, blocks))
 
     def _operate(self, what: int, given: Floats) -> Floats:
         self.system.check_alive()
@@ -66,13 +63,6 @@ class Elastic:
         rows = np.ascontiguousarray(given.reshape(-1, 3), np.float64)
         launch(self.system.scene, self.system.first, rows, self._out)
         return self._out.copy()
-
-    def compile(self, *, viscous: bool) -> None:
-        """Compile the products, so that none of the first time counts as computing."""
-        zero = np.zeros((self.nodes, 3))
-        self.stiffness_times(zero, zero)
-        if viscous:
-            self.viscosity_times(zero)
 
     def look(self, u: Floats) -> None:
         """Choose the state u of the products that follow."""

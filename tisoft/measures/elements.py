@@ -74,11 +74,9 @@ class TetGauge:
         # The mesh's own order, so that nothing is permuted afterwards.
         own = self._system.parts[0]
         self._place = own.place[np.argsort(own.tet_order)].astype(np.int32)
-        kernels = self._system.lease.arena.kernels
-        key = ("measures", share.block)
-        if key not in kernels:
-            kernels[key] = make_measures(self._system.state, share.block)
-        self._launch = kernels[key]
+        self._launch = self._system.lease.arena.kernel(
+            ("measures", share.block), lambda: make_measures(self._system.state, share.block)
+        )
         count = len(part.tets)
         shapes: list[tuple[int, ...]] = [(count, 3, 3)] * 3 + [(count,)] * 2
         self._outs = [np.zeros(shape, self._system.real) for shape in shapes]

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import bisect
 import os
+from collections.abc import Callable
 from typing import Any
 
+from tisoft import runtime
 from tisoft.errors import SceneError
 
 MOST_TREES = 480
@@ -72,6 +74,12 @@ class Arena:
         self.shelves = {kind: Shelf(count) for kind, count in rows.items()}
         self.kernels: dict[Any, Any] = {}
         """What was compiled for these fields, by what else it closes over."""
+
+    def kernel(self, key: tuple[Any, ...], make: Callable[[], Any]) -> Any:
+        """The kernel of a key; `make` makes it the first time."""
+        if key not in self.kernels:
+            self.kernels[key] = runtime.timed(make())
+        return self.kernels[key]
 
     def fits(self, needs: dict[str, int]) -> bool:
         """Whether all that is needed is free."""

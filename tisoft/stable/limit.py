@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from typing import Any
 
@@ -58,8 +57,6 @@ class StepLimit:
         self._moves = any(share.block.law.is_finite for _, share in self._shares)
         self._launch = self._kernel() if self._shares else None
         self._bound: float | None = None
-        self.compile_seconds = 0.0
-        """Spent on compiling kernels for the sharp limit of deformed states [s]."""
         self._sharp: tuple[float, float] | None = None
         self.refresh()
 
@@ -67,10 +64,9 @@ class StepLimit:
         numbers = tuple(k for k, _ in self._shares)
         blocks = tuple(share.block for _, share in self._shares)
         key = ("look", *blocks, numbers, self.factor)
-        kernels = self.system.lease.arena.kernels
-        if key not in kernels:
-            kernels[key] = make_look(self.system.state, blocks, numbers, self.factor)
-        return kernels[key]
+        return self.system.lease.arena.kernel(
+            key, lambda: make_look(self.system.state, blocks, numbers, self.factor)
+        )
 
     def refresh(self) -> None:
         """Compute the rest-state numbers again (after a material changed).
@@ -150,10 +146,7 @@ class StepLimit:
         if at_rest and not part.is_springs:
             return AtRest(part)
         if part.index not in self._elastic:
-            begun = time.perf_counter()
-            elastic = self._elastic[part.index] = Elastic(part)
-            elastic.compile(viscous=part.is_viscous())
-            self.compile_seconds += time.perf_counter() - begun
+            self._elastic[part.index] = Elastic(part)
         return self._elastic[part.index]
 
     def _sharp_at_rest(self) -> tuple[float, float]:

@@ -10,7 +10,6 @@ that no number of threads changes.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -38,11 +37,9 @@ class Observer:
         mass = s.mass_lease.fields if s.mass_lease is not None else None
         blocks = tuple(share.block for share in s.shares)
         key = (name, *blocks, mass)
-        kernels = s.lease.arena.kernels
-        if key not in kernels:
-            structure = Structure(s.state, blocks, SymplecticEuler, False, False, mass)
-            kernels[key] = make(replace(structure, ledger=name == "measure"))
-        return kernels[key]
+        ledger = name == "measure"
+        structure = Structure(s.state, blocks, SymplecticEuler, False, ledger, mass)
+        return s.lease.arena.kernel(key, lambda: make(structure))
 
     def forces(self, *, viscous: bool = True) -> Floats:
         """Elastic, viscous and spring forces [N] on each node, internal order, (nodes, 3)."""

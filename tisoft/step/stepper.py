@@ -68,24 +68,23 @@ class Stepper:
         self.loaded = False
         """Whether loads and pressures act."""
         self._known: dict[tuple[str, int], float] = {}
+        self.structure = Structure(
+            system.state,
+            tuple(share.block for share in system.shares),
+            self.integrator,
+            rules.contact,
+            rules.ledger,
+            system.mass_lease.fields if system.mass_lease is not None else None,
+        )
         self._advance = self._kernel()
 
     def _kernel(self) -> Any:
         """advance(scene), compiled once for the fields that it touches and the rules."""
-        s = self.system
-        mass = s.mass_lease.fields if s.mass_lease is not None else None
-        blocks = tuple(share.block for share in s.shares)
-        alone = self.pace.most == 1
-        key = ("advance", *blocks, mass, self.rules, alone, runtime.on_cpu())
-        kernels = s.lease.arena.kernels
-        if key not in kernels:
-            rules = self.rules
-            structure = Structure(
-                s.state, blocks, self.integrator, rules.contact, rules.ledger, mass
-            )
-            on_cpu = runtime.on_cpu()
-            kernels[key] = make_advance(structure, alone) if on_cpu else make_launches(structure)
-        return kernels[key]
+        structure, alone, on_cpu = self.structure, self.pace.most == 1, runtime.on_cpu()
+        key = ("advance", *structure.blocks, structure.mass, self.rules, alone, on_cpu)
+        return self.system.lease.arena.kernel(
+            key, lambda: make_advance(structure, alone) if on_cpu else make_launches(structure)
+        )
 
     def advance(self, substeps: int, step: float, gravity: Any) -> None:
         """One stretch: `substeps` substeps of `step` [s] under `gravity` [m/s²]."""
