@@ -104,7 +104,7 @@ def test_the_gloss_is_on_the_side_of_the_lamp_and_the_shadow_on_the_other():
     assert inside.max() > 5.0 * np.median(inside[away < 0.75])
     assert gloss[0] * shadow[0] < 0.0  # left and right
     assert gloss[1] < -0.1 * radius  # above
-    assert 0.2 < np.hypot(*gloss) / radius < 0.75  # between the lamp and the eye
+    assert 0.2 < np.hypot(*gloss) / radius < 0.6  # between the lamp and the eye
 
 
 def test_the_side_that_faces_the_lamp_is_the_bright_one():
