@@ -62,6 +62,7 @@ STATES = {
     "squeezed": np.diag([0.4, 1.0, 1.0]),
     "pulled": np.diag([2.0, 1.0, 1.0]),
     "pulled in two ways": np.diag([2.0, 2.0, 1.0]),
+    "swollen": 2.0 * np.eye(3),
     "sheared": np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
 }
 

@@ -88,8 +88,9 @@ def neo_hookean_growth(H, lam, mu):
     a = 1.0 / (4.0 + 2.0 * t + square)  # 1/(I_C + 1)
     away = root3 * ti.abs(a - 0.25) + a * change
     shear = mu * (ti.max(0.25 - a, 0.0 * a) + 2.0 * away * (a * size + 0.25 * root3))
-    swell = lam * (turn * (turn + 2.0 * root3) + ti.abs(volume_change(H, K)) * size)
-    return shear + swell + 0.75 * mu * change
+    # The derivative of cof F has a norm of (2/√3) |F| at the most, reached by F = s I.
+    swell = lam * (turn * (turn + 2.0 * root3) + 2.0 / root3 * ti.abs(volume_change(H, K)) * size)
+    return shear + swell + 1.5 / root3 * mu * change
 
 
 @ti.func
