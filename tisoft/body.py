@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,15 @@ from tisoft.loads import Load, Torque
 from tisoft.models.materials import MassSpring, Model, SolidModel
 from tisoft.pins import Pin, Turn
 from tisoft.where import NodeNumbers, Selection
+
+
+class Push(TypedDict, total=False):
+    """What a load pushes with: one of these, see Load."""
+
+    force: Any
+    traction: Any
+    pressure: float
+    torque: Torque
 
 
 @dataclass(eq=False)
@@ -62,20 +71,17 @@ class Body:
         self,
         where: Selection,
         *,
-        force: Sequence[float] | None = None,
-        traction: Sequence[float] | None = None,
-        pressure: float | None = None,
-        torque: Torque | None = None,
         start: float = 0.0,
         end: float | None = None,
         ramp: float | None = None,
-        table: Sequence[Sequence[float]] | None = None,
+        table: Any = None,
+        **push: Unpack[Push],
     ) -> Load:
-        """Push nodes or faces: see Load.  Raises SceneError also where nothing is selected."""
-        push: dict[str, Any] = {"force": force, "traction": traction, "table": table}
-        load = Load(
-            where, pressure=pressure, torque=torque, start=start, end=end, ramp=ramp, **push
-        )
+        """Push nodes or faces by one of force, traction, pressure and torque: see Load.
+
+        Raises SceneError also where nothing is selected.
+        """
+        load = Load(where, start=start, end=end, ramp=ramp, table=table, **push)
         with inside(f"load[{len(self.loads)}]"):
             self._check_load(load)
         self.loads.append(load)

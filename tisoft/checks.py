@@ -125,9 +125,8 @@ def number(
     below: float = math.inf,
     unit: str = "",
     remedy: str = "",
-    infinite: bool = False,
 ) -> float:
-    """The value as a float: finite (or `infinite` too), least <= or above < it, <= most or < below.
+    """The value as a float: finite, least <= or above < it, <= most or < below.
 
     Raises:
         FieldError: with the range, the unit and the remedy.
@@ -140,8 +139,6 @@ def number(
         result = float(value)
     except OverflowError:
         result = math.inf
-    if infinite and math.isinf(result):
-        return result
     if not abs(result) <= LARGEST:
         problem = f"must be {what} that is finite and at most {LARGEST:g} in size"
         raise FieldError(field, problem, value)
@@ -227,6 +224,16 @@ def numbers(field: str, value: Any, count: int, what: str, **limits: Any) -> tup
 def vector(field: str, value: Any, **limits: Any) -> Vector:
     """The value as three numbers (x, y, z)."""
     x, y, z = numbers(field, value, 3, "numbers (x, y, z)", **limits)
+    return x, y, z
+
+
+def corner(field: str, value: Any) -> Vector:
+    """The value as three numbers (x, y, z), which may be infinite."""
+    items = sequence(field, value, "numbers (x, y, z)")
+    open_sides = [isinstance(item, float) and math.isinf(item) for item in items]
+    finite = [0.0 if is_open else item for item, is_open in zip(items, open_sides, strict=True)]
+    known = vector(field, finite)
+    x, y, z = (float(a) if b else k for a, b, k in zip(items, open_sides, known, strict=True))
     return x, y, z
 
 

@@ -72,7 +72,9 @@ class Motion:
         self.wall_seconds = 0.0
         self._compiled = runtime.compile_seconds
         with np.errstate(all="ignore"):  # what leaves the range of floats is refused by name
-            probes = [(scene.bodies.index(b), node) for b, node in map(scene.probed_node, scene.probes)]
+            probes = [
+                (scene.bodies.index(b), node) for b, node in map(scene.probed_node, scene.probes)
+            ]
             bodies = [damped_body(body) for body in scene.bodies]
             self.system = System(bodies, precision, probes)
             check_range(self.system, scene)
@@ -137,7 +139,9 @@ class Motion:
         self._obstacles = tuple(self.scene.obstacles)
         if self._obstacles:
             shapes = list(OBSTACLES.values())
-            self.system.set_obstacles(self._obstacles, [shapes.index(type(o)) for o in self._obstacles])
+            self.system.set_obstacles(
+                self._obstacles, [shapes.index(type(o)) for o in self._obstacles]
+            )
 
     def refresh(self) -> None:
         """Take over what the caller changed since the last frame."""
@@ -259,8 +263,8 @@ class Motion:
 
     def make_frames(self, most: int) -> list[Floats]:
         """Advance up to `most` frames in one launch, where nothing has to be told between them;
-        returns their records, each of shape (1 + probes, columns).  None are made where `make_frame`
-        has to.
+        returns their records, each of shape (1 + probes, columns).  None are made where
+        `make_frame` has to.
         """
         self.refresh()
         frame_time = 1.0 / self.scene.frame_rate

@@ -36,7 +36,7 @@ def save(
     }
     holder = simulation.holder
     state = (*simulation.system.motion(), holder.held, holder.drive, *simulation.system.loads())
-    arrays = {
+    arrays: dict[str, NDArray[Any]] = {
         **dict(zip(ARRAYS, state, strict=True)),
         "shifts": np.array([part.shift for part in simulation.parts]),
         "steps": np.array(simulation.steps),

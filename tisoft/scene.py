@@ -16,8 +16,8 @@ from tisoft.checks import FieldError, Vector, inside, keep_number
 from tisoft.geometry.mesh import Mesh
 from tisoft.loads import Load, Torque
 from tisoft.models.materials import Model
-from tisoft.pins import Pin, Turn
 from tisoft.obstacles import Box, Obstacle, Plane, Sphere
+from tisoft.pins import Pin, Turn
 from tisoft.scene_parts import Camera, Probe, Render
 from tisoft.where import Nearest, Nodes
 

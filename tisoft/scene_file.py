@@ -21,6 +21,7 @@ from tisoft.geometry.mesh import Mesh, SpringNet
 from tisoft.loads import Load, Torque
 from tisoft.models.materials import MODELS, Model, young_and_poisson
 from tisoft.models.presets import preset
+from tisoft.obstacles import OBSTACLES, Obstacle
 from tisoft.pins import Pin, Turn
 from tisoft.scene import Scene
 from tisoft.scene_keys import (
@@ -33,7 +34,6 @@ from tisoft.scene_keys import (
     parse_toml,
     tables,
 )
-from tisoft.obstacles import OBSTACLES, Obstacle
 from tisoft.scene_parts import Camera, Probe, Render
 from tisoft.where import Selection
 

@@ -56,8 +56,8 @@ class Box:
     hi: Vector
 
     def __post_init__(self) -> None:
-        put(self, "lo", checks.vector("box[0]", self.lo, infinite=True))
-        put(self, "hi", checks.vector("box[1]", self.hi, infinite=True))
+        put(self, "lo", checks.corner("box[0]", self.lo))
+        put(self, "hi", checks.corner("box[1]", self.hi))
         for axis, lo, hi in zip("xyz", self.lo, self.hi, strict=True):
             if lo > hi:
                 problem = f"is below box[0] in {axis} ({hi:g} < {lo:g}); swap the two numbers"

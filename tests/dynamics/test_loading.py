@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import tisoft as ts
-from tisoft.step.loading import external_forces, mean_factor, pressure_tangent
 from tisoft.loads import Load
 from tisoft.simulation import Simulation
+from tisoft.step.loading import external_forces, mean_factor, pressure_tangent
 
 END = ts.where.box((1 - 1e-6, -9, -9), (9, 9, 9))
 ROOT = ts.where.box((-9, -9, -9), (1e-6, 9, 9))

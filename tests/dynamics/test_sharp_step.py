@@ -5,8 +5,8 @@ import pytest
 
 import tisoft as ts
 from tisoft import where
-from tisoft.stable.sharp import sharp_step
 from tisoft.model.system import System
+from tisoft.stable.sharp import sharp_step
 
 CLAMP = where.plane((0, 0, 0), (1, 0, 0))
 

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import tisoft as ts
-from tisoft.stable.sharp import sharp_limit
 from tisoft.geometry.rigidity import rigidity
 from tisoft.simulation import Simulation
+from tisoft.stable.sharp import sharp_limit
 
 
 def test_explicit_euler_grows_at_any_step():

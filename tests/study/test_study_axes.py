@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import tisoft as ts
-from tisoft.equilibrium.operators import Elastic
 from tisoft.elements.tet4 import gradients
+from tisoft.equilibrium.operators import Elastic
 from tisoft.study import compression, diagonals, own, poisson, rotation, step_damping
 from tisoft.study.closed_forms import predicted_energy, predicted_stress
 from tisoft.study.compliance import Compliance

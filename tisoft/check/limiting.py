@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tisoft.model.part import Part
 from tisoft.elements.spring import frequencies
-from tisoft.stable.bound import average_at_nodes, longest_step
 from tisoft.geometry.quality import smallest_altitudes
+from tisoft.model.part import Part
 from tisoft.models.materials import SolidModel
 from tisoft.simulation import Simulation
+from tisoft.stable.bound import average_at_nodes, longest_step
 
 Floats = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tisoft.body import Body
 from tisoft.geometry.mesh import TetMesh
-from tisoft.models.mass_spring import triangle_areas
+from tisoft.model.network import triangle_areas
 from tisoft.models.materials import NeoHookean, SolidModel, ViscoElastic
 from tisoft.scene import Box, Obstacle, Plane, Scene, Sphere
 

@@ -58,7 +58,6 @@ def draw(
         look = Look(scene.render.color)
         sim.run(observers=[look, Progress("looking", quiet=options.quiet), Interruption()])
         run.sim = common.simulation_of(scene, options)
-        run.sim.compile_seconds += sim.compile_seconds
         film.survey, film.kept_index = look.survey, round((kept or 1.0) * sim.frame)
         run.sim.run(observers=[film, Progress("drawing", quiet=options.quiet), Interruption()])
     run.seconds = run.sim.wall_seconds

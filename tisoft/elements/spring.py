@@ -65,7 +65,15 @@ class Spring:
 
     @staticmethod
     @ti.func
-    def forces(law: ti.template(), rest: ti.template(), u: ti.template(), v: ti.template(), m, lane, out: ti.template()):
+    def forces(
+        law: ti.template(),
+        rest: ti.template(),
+        u: ti.template(),
+        v: ti.template(),
+        m,
+        lane,
+        out: ti.template(),
+    ):
         """Forces on the ends [N]; rows 6..11 of `out`, where it has them, get the damper's."""
         y, change = Spring.stretched(rest, u, lane)
         length = y.norm()
@@ -90,7 +98,15 @@ class Spring:
 
     @staticmethod
     @ti.func
-    def product(law: ti.template(), rest: ti.template(), u: ti.template(), w: ti.template(), m, lane, out: ti.template()):
+    def product(
+        law: ti.template(),
+        rest: ti.template(),
+        u: ti.template(),
+        w: ti.template(),
+        m,
+        lane,
+        out: ti.template(),
+    ):
         """K(u) w [N]."""
         y, change = Spring.stretched(rest, u, lane)
         length = y.norm()

@@ -6,10 +6,11 @@
 summed over the tets that hold both nodes: the gradient of the strain energy, so the same force as
 linear finite elements to rounding (Cotin, Delingette and Ayache 2000; Picinbono, Delingette and
 Ayache 2003 carried the name to large displacements).  Rows add up to nothing, K_ii = −Σ_j≠i K_ij,
-and K_ji = K_ijᵀ, so that the edges alone do it, in differences that keep their digits in f32 however
-far a body has moved:
+and K_ji = K_ijᵀ, so that the edges alone do it, in differences that keep their digits in f32
+however far a body has moved:
 
-    edge (i, j), d = u_j − u_i:   f_i −= K_ij d + C_ij ḋ,   f_j += K_ijᵀ d + C_ijᵀ ḋ,   energy −dᵀK_ij d/2
+    edge (i, j), d = u_j − u_i:   f_i −= K_ij d + C_ij ḋ,   f_j += K_ijᵀ d + C_ijᵀ ḋ,
+                                  energy −dᵀK_ij d/2
 
 A tet mesh has about 7 edges and 5 to 6 tets a node: where elements are linear and the material does
 not change, edges replace the loop over tets.
@@ -43,7 +44,9 @@ class Tensor:
 
     @staticmethod
     @ti.func
-    def pull(rest: ti.template(), first: ti.template(), d, lane, row: ti.template(), out: ti.template()):
+    def pull(
+        rest: ti.template(), first: ti.template(), d, lane, row: ti.template(), out: ti.template()
+    ):
         """−A d on end i and Aᵀd on end j, into rows of `out` from `row` on; A = rest[first..]."""
         for r in ti.static(range(3)):
             here, there = 0.0 * d[0], 0.0 * d[0]
@@ -55,7 +58,15 @@ class Tensor:
 
     @staticmethod
     @ti.func
-    def forces(law: ti.template(), rest: ti.template(), u: ti.template(), v: ti.template(), m, lane, out: ti.template()):
+    def forces(
+        law: ti.template(),
+        rest: ti.template(),
+        u: ti.template(),
+        v: ti.template(),
+        m,
+        lane,
+        out: ti.template(),
+    ):
         """Forces on the ends [N]; rows 6..11 of `out`, where it has them, get the viscous share."""
         Tensor.pull(rest, 0, Tensor.difference(u, lane), lane, 0, out)
         dv = Tensor.difference(v, lane)
@@ -79,7 +90,15 @@ class Tensor:
 
     @staticmethod
     @ti.func
-    def product(law: ti.template(), rest: ti.template(), u: ti.template(), w: ti.template(), m, lane, out: ti.template()):
+    def product(
+        law: ti.template(),
+        rest: ti.template(),
+        u: ti.template(),
+        w: ti.template(),
+        m,
+        lane,
+        out: ti.template(),
+    ):
         """K w [N]."""
         Tensor.pull(rest, 0, -Tensor.difference(w, lane), lane, 0, out)
 

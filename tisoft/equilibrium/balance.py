@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from tisoft.step.loading import forces_of, pressure_tangent
 from tisoft.equilibrium.operators import Elastic
-from tisoft.model.part import Part
 from tisoft.errors import NoEquilibrium
 from tisoft.loads import Load
+from tisoft.model.part import Part
+from tisoft.step.loading import forces_of, pressure_tangent
 
 Floats = NDArray[np.float64]
 

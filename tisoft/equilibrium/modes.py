@@ -20,9 +20,9 @@ from scipy.sparse.linalg import ArpackNoConvergence, eigsh, splu
 from tisoft.checks import FieldError
 from tisoft.equilibrium.balance import held_axes
 from tisoft.equilibrium.operators import Elastic
-from tisoft.model.part import parts_of
 from tisoft.equilibrium.statics import HasScene, equilibrium, scene_of
 from tisoft.errors import Diverged
+from tisoft.model.part import parts_of
 from tisoft.scene import Scene
 
 Floats = NDArray[np.float64]

@@ -18,8 +18,8 @@ from tisoft import runtime
 from tisoft.checks import FieldError
 from tisoft.equilibrium.balance import ACCEPTED, Balance
 from tisoft.equilibrium.follow import Answer, balance_body
-from tisoft.model.part import parts_of
 from tisoft.errors import SceneError
+from tisoft.model.part import parts_of
 from tisoft.scene import Scene
 
 Floats = NDArray[np.float64]

@@ -7,8 +7,8 @@ import taichi as ti
 
 from tisoft.laws.base import (
     cofactor,
-    contracted,
     cofactor_change,
+    contracted,
     diagonal,
     green_strain,
     symmetric,

@@ -186,7 +186,7 @@ def check_memory(size: int) -> None:
     if free is not None and size > free:
         raise SceneError(
             f"the scene needs {size / 2**30:.2g} GiB of memory for its fields, and "
-            f"{free / 2**30:.2g} GiB are free; use a coarser mesh, or precision = \"f32\""
+            f'{free / 2**30:.2g} GiB are free; use a coarser mesh, or precision = "f32"'
         )
 
 

@@ -7,7 +7,7 @@ the other, and each node adds up its copies in part order.  So there are no atom
 not depend on the number of threads.  On a GPU a lane is a batch, and every batch a part.
 """
 
-from typing import Any
+from typing import Any, ClassVar
 
 import taichi as ti
 
@@ -25,7 +25,7 @@ class Block:
         rows: of each kind, see LEAST.
     """
 
-    LEAST = {"batches": 1024, "parts": 256, "materials": 64}
+    LEAST: ClassVar = {"batches": 1024, "parts": 256, "materials": 64}
 
     def __init__(self, structure: Any, rows: dict[str, int]) -> None:
         self.element, self.law, precision, self.lanes = structure

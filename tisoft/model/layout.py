@@ -6,6 +6,7 @@ with it every bit, does too.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,7 +58,7 @@ class Batches:
         """Part of each batch."""
         return np.repeat(np.arange(self.parts), np.diff(self.part_start))
 
-    def filled(self, values: list[NDArray[np.floating]]) -> NDArray[np.float64]:
+    def filled(self, values: Sequence[NDArray[np.floating]]) -> NDArray[np.float64]:
         """Numbers of each body's cells, shape (cells, k), in the places of their cells:
         (batches, k, lanes), 0 where no cell stands.
         """
@@ -69,7 +70,7 @@ class Batches:
 
 
 def in_batches(bodies: list[NDArray[np.integer]], lanes: int) -> Batches:
-    """Cells of some bodies, arrays of shape (cells, corners), in batches that bodies do not share."""
+    """Cells of some bodies, shape (cells, corners) each, in batches that bodies do not share."""
     cells, owner, starts, place = [], [], [0], []
     begun = 0
     for number, own in enumerate(bodies):

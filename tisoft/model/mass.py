@@ -1,8 +1,10 @@
 # mypy: ignore-errors
 """The consistent mass matrix of scenes' nodes, and the vectors of its solve, as Taichi fields.
 
-    M_ab = Σ ρ V/20 (1 + δ_ab)   over the tets that hold nodes a and b; rows sum to lumped masses
+M_ab = Σ ρ V/20 (1 + δ_ab)   over the tets that hold nodes a and b; rows sum to lumped masses
 """
+
+from typing import ClassVar
 
 import numpy as np
 import taichi as ti
@@ -38,7 +40,7 @@ class ConsistentMass:
         rows: of each kind, see LEAST.
     """
 
-    LEAST = {"nodes": 4096, "entries": 65536}
+    LEAST: ClassVar = {"nodes": 4096, "entries": 65536}
 
     def __init__(self, structure: str, rows: dict[str, int]) -> None:
         real = runtime.real_type(structure)[1]

@@ -18,7 +18,7 @@ from tisoft.body import Body
 from tisoft.checks import FieldError
 from tisoft.elements import spring, tensor, tet4
 from tisoft.geometry.topology import morton_order
-from tisoft.models.mass_spring import Network, network
+from tisoft.model.network import Network, network
 from tisoft.models.materials import MassSpring, MassTensor, SolidModel
 
 Floats = NDArray[np.float64]

@@ -6,7 +6,7 @@ here in the scene's precision.  A body at 10 km from the world's origin computes
 digits as one at 0.  Bodies are ranges of nodes; within a body nodes follow a Morton curve.
 """
 
-from typing import Any
+from typing import Any, ClassVar
 
 import taichi as ti
 
@@ -42,7 +42,7 @@ class State:
         rows: of each kind, see LEAST.
     """
 
-    LEAST = {
+    LEAST: ClassVar = {
         "nodes": 4096,
         "copies": 8192,
         "bodies": 64,

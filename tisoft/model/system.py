@@ -87,7 +87,9 @@ class System:
         lanes = lanes_of(runtime.on_cpu())
         for key, parts in groups.items():
             cells = [part.cells() for part in parts]
-            batches = in_batches([c + p.start for (c, _), p in zip(cells, parts, strict=True)], lanes)
+            batches = in_batches(
+                [c + p.start for (c, _), p in zip(cells, parts, strict=True)], lanes
+            )
             if not len(batches.owner):
                 continue
             for part, place in zip(parts, batches.place, strict=True):
@@ -119,6 +121,7 @@ class System:
         self.first = self.lease.starts["nodes"]
         self.scene = self.lease.starts["scenes"]
         self.obstacle_lease: Lease | None = None
+        self._obstacles = 0
 
     def _keep(self, lease: Lease) -> Lease:
         self._leases.append(lease)

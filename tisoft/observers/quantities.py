@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft.body import Body
-from tisoft.model.part import Part
 from tisoft.errors import SceneError
 from tisoft.measures.elements import SpringMeasures
-from tisoft.models.mass_spring import triangle_areas
+from tisoft.model.network import triangle_areas
+from tisoft.model.part import Part
 from tisoft.models.materials import MassSpring
 from tisoft.simulation import Simulation
 

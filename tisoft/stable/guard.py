@@ -148,7 +148,9 @@ class Guard:
                     scene.recoveries.append(last)
                 return substeps, step
             element = scene.limit.culprit()
-            if saved is None:  # the tries to come begin with velocities that are moved with the step
+            if (
+                saved is None
+            ):  # the tries to come begin with velocities that are moved with the step
                 scene.stepper.restore()
                 saved = system.motion()
             system.set_motion(*saved)

@@ -58,6 +58,7 @@ class StepLimit:
         self._launch = self._kernel() if self._shares else None
         self._bound: float | None = None
         self._sharp: tuple[float, float] | None = None
+        self._rest_bounds: tuple[float, float] = (np.inf, np.inf)
         self.refresh()
 
     def _kernel(self) -> Any:
@@ -77,16 +78,16 @@ class StepLimit:
         self.limits_at_rest = [limits_at_rest(part, self.factor) for part in self.system.parts]
         least = [float(steps.min(initial=np.inf)) for steps in self.limits_at_rest]
         parts = self.system.parts
-        self._rest_bounds = tuple(
-            min((a for a, p in zip(least, parts, strict=True) if p.is_springs == s), default=np.inf)
-            for s in (False, True)
-        )
+        solids = [a for a, p in zip(least, parts, strict=True) if not p.is_springs]
+        nets = [a for a, p in zip(least, parts, strict=True) if p.is_springs]
+        self._rest_bounds = min(solids, default=np.inf), min(nets, default=np.inf)
         self._still_step = min(
             (a for a, p in zip(least, parts, strict=True) if p.is_tensor), default=np.inf
         )
         if before is not None and self._sharp is not None:
             pairs = zip(self._sharp, self._rest_bounds, before, strict=True)
-            self._sharp = tuple(s if b == o else s * b / o for s, b, o in pairs)  # type: ignore
+            solid, net = (s if now == old else s * now / old for s, now, old in pairs)
+            self._sharp = solid, net
         self._elastic: dict[int, Elastic] = {}
         self._reference: tuple[float, float] | None = None
         self._next_look = 0
@@ -259,7 +260,9 @@ class StepLimit:
         self.follow()
         now = np.empty(self.system.count, self.system.real)
         self.system.state.read_limits(self.system.first, now)
-        found = [self._of_part(part, now[part.nodes].astype(np.float64)) for part in self.system.parts]
+        found = [
+            self._of_part(part, now[part.nodes].astype(np.float64)) for part in self.system.parts
+        ]
         return min(found, key=lambda limit: limit.step, default=Limit(np.inf, None, -1, "nothing"))
 
     def _of_part(self, part: Part, now: NDArray[np.float64]) -> Limit:

@@ -23,9 +23,9 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh, splu
 
 from tisoft.equilibrium.operators import Elastic
 from tisoft.model.part import Part
+from tisoft.model.system import System
 from tisoft.stable.bound import longest_step
 from tisoft.step.stepper import INTEGRATORS
-from tisoft.model.system import System
 
 Floats = NDArray[np.float64]
 Operator = Callable[[Floats], Floats]

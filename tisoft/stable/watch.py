@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tisoft.model.part import Part
-from tisoft.stable.limit import StepLimit
 from tisoft.model.system import System
 from tisoft.models.materials import Linear, MassSpring, MassTensor, NeoHookean
+from tisoft.stable.limit import StepLimit
 
 TURN = 20.0
 """Degrees from which a linear model's error is told."""

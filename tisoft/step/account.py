@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from typing import Any
 
-
 KEPT = ("start", "dissipated", "external_work")
 """What a checkpoint keeps."""
 

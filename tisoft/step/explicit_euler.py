@@ -37,6 +37,4 @@ class ExplicitEuler:
         way = now.h * ahead + push
         state.velocity[i] = after
         state.displacement[i] = state.displacement[i] + way
-        return state.Moved(
-            kick=now.h, before=before, after=after, jump=0.0 * a, way=way, push=push
-        )
+        return state.Moved(kick=now.h, before=before, after=after, jump=0.0 * a, way=way, push=push)

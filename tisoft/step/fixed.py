@@ -1,7 +1,7 @@
 # mypy: ignore-errors
 """Pins: components of a node that are held move as they are told, whatever pushes them.
 
-    v_c = drive_c   on held components (0 where a pin is still)
+v_c = drive_c   on held components (0 where a pin is still)
 """
 
 import taichi as ti

@@ -20,11 +20,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tisoft.loads import Load
+from tisoft.model.network import triangle_areas
 from tisoft.model.part import Part
 from tisoft.model.state import PRESSURE_NUMBERS
 from tisoft.model.system import System
-from tisoft.loads import Load
-from tisoft.models.mass_spring import triangle_areas
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array

@@ -14,7 +14,7 @@ SAME_TIME = 1e-9
 
 
 class Holder:
-    """Keeps what pins hold and prescribe right in the fields, and does nothing while nothing moves."""
+    """Keeps what pins hold and prescribe right in the fields; idle while nothing moves."""
 
     def __init__(self, system: System) -> None:
         self.system = system

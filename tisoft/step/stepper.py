@@ -21,7 +21,7 @@ from tisoft.step.substep import Structure
 from tisoft.step.symplectic_euler import SymplecticEuler
 from tisoft.step.velocity_verlet import VelocityVerlet
 
-INTEGRATORS = {
+INTEGRATORS: dict[str, Any] = {
     "symplectic-euler": SymplecticEuler,
     "velocity-verlet": VelocityVerlet,
     "explicit-euler": ExplicitEuler,
@@ -93,7 +93,7 @@ class Stepper:
     def stretches(
         self, count: int, substeps: int, step: float, gravity: Any, most_kinetic: float = np.inf
     ) -> int:
-        """`count` stretches (FRAMES at the most) of `substeps` substeps; returns how many were made.
+        """`count` stretches (FRAMES at the most) of `substeps` substeps; returns how many it made.
 
         They end early after one whose state is not finite, or whose kinetic energy [J] is above
         `most_kinetic`; `tripped` then tells.  The state at the start of the last one made is saved.

@@ -1,7 +1,7 @@
 # mypy: ignore-errors
 """One substep, in the order of the lectures: forces, f/m, Δv = h a, Δx = h (v + Δv).
 
-    M ẍ + C ẋ + f_int(x) = f_ext          (mass-spring systems, and finite elements with lumped mass)
+    M ẍ + C ẋ + f_int(x) = f_ext      (mass-spring systems; finite elements with lumped mass)
 
     1. elements add their forces to the nodes' copies            forces.batch, external.press
     2. a node sums them:          f = f_int + f_ext              forces.total, external.force

@@ -42,6 +42,4 @@ class SymplecticEuler:
         way = now.h * after + push
         state.velocity[i] = after
         state.displacement[i] = state.displacement[i] + way
-        return state.Moved(
-            kick=now.h, before=before, after=after, jump=jump, way=way, push=push
-        )
+        return state.Moved(kick=now.h, before=before, after=after, jump=jump, way=way, push=push)

@@ -13,12 +13,11 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from tisoft.body import Body
+from tisoft.elements.tet4 import corner_gradients, gradients
 from tisoft.equilibrium.linear_solve import conjugate_gradients
 from tisoft.geometry.mesh import TetMesh
 from tisoft.geometry.topology import TET_EDGES
-from tisoft.models.assembly import corner_gradients
 from tisoft.models.materials import Linear
-from tisoft.elements.tet4 import gradients
 
 Floats = NDArray[np.float64]
 

@@ -19,11 +19,11 @@ from scipy.sparse.linalg import splu
 from tisoft import where
 from tisoft.body import Body
 from tisoft.equilibrium.operators import Elastic
-from tisoft.model.part import parts_of
 from tisoft.geometry.mesh import bare_net
 from tisoft.geometry.rigidity import rigidity
 from tisoft.geometry.shapes import grid
-from tisoft.models.mass_spring import network
+from tisoft.model.network import network
+from tisoft.model.part import parts_of
 from tisoft.models.materials import MassSpring
 from tisoft.pins import Pin
 from tisoft.scene import Scene

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft.checks import FieldError
+from tisoft.equilibrium.assembly import deformation
 from tisoft.equilibrium.operators import Elastic
-from tisoft.model.part import Part
 from tisoft.errors import Diverged
-from tisoft.models.assembly import deformation
+from tisoft.model.part import Part
 from tisoft.scene import Scene
 from tisoft.simulation import Simulation
 from tisoft.study.axis import Tick

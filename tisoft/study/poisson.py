@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from tisoft import where
 from tisoft.body import Body
 from tisoft.model.part import parts_of
-from tisoft.stable.sharp import sharp_limit
 from tisoft.models.materials import Linear, lame_constants
 from tisoft.pins import Pin
+from tisoft.stable.sharp import sharp_limit
 from tisoft.study import pictures
 from tisoft.study.axis import Axis, Tick
 from tisoft.study.compliance import Compliance, free_axes

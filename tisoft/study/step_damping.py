@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from tisoft.equilibrium.operators import Elastic
 from tisoft.model.part import Part, parts_of
-from tisoft.stable.sharp import SharpLimit, sharp_limit
 from tisoft.stable.bound import longest_step
+from tisoft.stable.sharp import SharpLimit, sharp_limit
 from tisoft.step.stepper import INTEGRATORS
 from tisoft.study import pictures
 from tisoft.study.axis import Axis, Tick

@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from tisoft import runtime
 from tisoft.body import Body
 from tisoft.equilibrium.damping import damped_body
-from tisoft.model.part import Part, parts_of
-from tisoft.stable.sharp import sharp_step
-from tisoft.model.system import System
 from tisoft.errors import SceneError
 from tisoft.geometry.mesh import Mesh, TetMesh
 from tisoft.geometry.shapes import box
-from tisoft.models.mass_spring import network, triangle_areas
+from tisoft.model.network import network, triangle_areas
+from tisoft.model.part import Part, parts_of
+from tisoft.model.system import System
 from tisoft.models.materials import Linear, MassSpring, NeoHookean, SolidModel, ViscoElastic
 from tisoft.scene import Scene
+from tisoft.stable.sharp import sharp_step
 
 Floats = NDArray[np.float64]
 
@@ -69,7 +69,9 @@ class Subject:
         self.scene = scene
         name = scene.integrator
         self.integrator_name = "symplectic-euler" if name == "explicit-euler" else name
-        steps = [sharp_step(System([b], "f64"), integrator=self.integrator_name) for b in scene.bodies]
+        steps = [
+            sharp_step(System([b], "f64"), integrator=self.integrator_name) for b in scene.bodies
+        ]
         self.body: Body = scene.bodies[int(np.argmin(steps))]
         self.limit = min(steps)
         """The stable step of the scene [s], damping included."""
