@@ -386,6 +386,8 @@ class Motion:
 
     def present(self) -> tuple[dict[str, float], float]:
         """Energies [J] of the present state, and the power v·f [W] of all conservative forces."""
+        if not self.half_step_lag:
+            return self.observer.energies_and_power(self.scene.gravity)
         f = self.observer.forces()
         f += self.system.mass[:, None] * np.asarray(self.scene.gravity)
         return self.energies(), float(np.einsum("ij,ij->", self.whole_velocities(), f))

@@ -42,14 +42,15 @@ def push(block: ti.template(), state: ti.template(), what: ti.template(), b):
     forces.scatter(block, state.force, b, out, size if what == RATE else 0)
 
 
-def make_operator(state: Any, blocks: tuple[Any, ...], what: int) -> Any:
+def make_operator(state: Any, blocks: tuple[Any, ...], what: int, alone: bool) -> Any:
     """The kernel operate(scene, first, given, out): `given` is u for FORCE and w else, both and
-    `out` of shape (nodes, 3).
+    `out` of shape (nodes, 3); `alone`: on the caller's thread.
     """
     pairs = tuple(enumerate(blocks))
 
     @ti.kernel
     def operate(scene: int, first: int, given: A, out: A):
+        ti.loop_config(serialize=alone)
         for k in range(given.shape[0]):
             for d in ti.static(range(3)):
                 if ti.static(what == FORCE):
@@ -57,11 +58,12 @@ def make_operator(state: Any, blocks: tuple[Any, ...], what: int) -> Any:
                 else:
                     state.velocity[first + k][d] = given[k, d]
         for number, block in ti.static(pairs):
-            ti.loop_config(block_dim=1)
+            ti.loop_config(serialize=alone, block_dim=1)
             begin = state.ranges[scene, 2 + 2 * number]
             for part in range(begin, state.ranges[scene, 3 + 2 * number]):
                 for b in range(block.part_start[part], block.part_start[part + 1]):
                     push(block, state, what, b)
+        ti.loop_config(serialize=alone)
         for k in range(out.shape[0]):
             f = forces.total(state, first + k)
             for d in ti.static(range(3)):
@@ -70,17 +72,18 @@ def make_operator(state: Any, blocks: tuple[Any, ...], what: int) -> Any:
     return operate
 
 
-def make_energy(state: Any, blocks: tuple[Any, ...]) -> Any:
+def make_energy(state: Any, blocks: tuple[Any, ...], alone: bool) -> Any:
     """The kernel energy(scene, first, u) that tells the elastic energy V(u) [J]."""
     pairs = tuple(enumerate(blocks))
 
     @ti.kernel
     def energy(scene: int, first: int, u: A) -> ti.f64:
+        ti.loop_config(serialize=alone)
         for k in range(u.shape[0]):
             for d in ti.static(range(3)):
                 state.displacement[first + k][d] = u[k, d]
         for number, block in ti.static(pairs):
-            ti.loop_config(block_dim=1)
+            ti.loop_config(serialize=alone, block_dim=1)
             begin = state.ranges[scene, 2 + 2 * number]
             for part in range(begin, state.ranges[scene, 3 + 2 * number]):
                 block.energy[part] = record.part_energy(block, state, part)

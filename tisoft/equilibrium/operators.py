@@ -52,13 +52,15 @@ class Elastic:
 
     def _kernel(self, name: Any, make: Any) -> Any:
         blocks = tuple(share.block for share in self.system.shares)
-        state = self.system.state
-        return self.system.lease.arena.kernel((name, *blocks), lambda: make(state, blocks))
+        state, alone = self.system.state, self.system.is_small
+        key = (name, *blocks, alone)
+        return self.system.lease.arena.kernel(key, lambda: make(state, blocks, alone))
 
     def _operate(self, what: int, given: Floats) -> Floats:
         self.system.check_alive()
         launch = self._kernel(
-            ("operate", what), lambda state, blocks: kernels.make_operator(state, blocks, what)
+            ("operate", what),
+            lambda state, blocks, alone: kernels.make_operator(state, blocks, what, alone),
         )
         rows = np.ascontiguousarray(given.reshape(-1, 3), np.float64)
         launch(self.system.scene, self.system.first, rows, self._out)
@@ -123,7 +125,7 @@ class Elastic:
         for share in self.system.shares:
             launch = self._kernel(
                 ("matrices", viscous),
-                lambda state, blocks: kernels.make_matrices(blocks[0], state, viscous),
+                lambda state, blocks, _: kernels.make_matrices(blocks[0], state, viscous),
             )
             batches, size = share.batches, 3 * share.block.corners
             out = np.empty((len(batches.owner), batches.lanes, size, size))

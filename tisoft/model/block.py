@@ -29,6 +29,7 @@ class Block:
 
     def __init__(self, structure: Any, rows: dict[str, int]) -> None:
         self.element, self.law, precision, self.lanes = structure
+        self.serial = runtime.on_cpu()
         self.real = runtime.real_type(precision)[1]
         self.columns = 2 + (0 if self.law is None else len(self.law.constants(1.0, 1.0)))
         corners, numbers, lanes = self.element.corners, self.element.numbers, self.lanes
@@ -78,6 +79,7 @@ class Block:
     @ti.kernel
     def write_cells(self, first: int, cells: A, places: A, rest: A, modes: A, owner: A):
         """Fill new rows of batches."""
+        ti.loop_config(serialize=self.serial)
         for k in range(owner.shape[0]):
             b = first + k
             self.owner[b] = owner[k]
@@ -93,6 +95,7 @@ class Block:
     @ti.kernel
     def write_rest(self, first: int, rest: A):
         """Write rest numbers (springs and tensors hold their stiffness there)."""
+        ti.loop_config(serialize=self.serial)
         for k in range(rest.shape[0]):
             for c in range(self.element.numbers):
                 for lane in range(self.lanes):
@@ -101,6 +104,7 @@ class Block:
     @ti.kernel
     def write_modes(self, first: int, modes: A):
         """Write what bounds the cells' frequencies at rest."""
+        ti.loop_config(serialize=self.serial)
         for k in range(modes.shape[0]):
             for c in range(4):
                 for lane in range(self.lanes):
@@ -109,6 +113,7 @@ class Block:
     @ti.kernel
     def write_materials(self, first: int, rows: A, viscous: A):
         """Write the materials' rows."""
+        ti.loop_config(serialize=self.serial)
         for k in range(viscous.shape[0]):
             self.is_viscous[first + k] = viscous[k]
             for c in range(self.columns):
@@ -117,12 +122,14 @@ class Block:
     @ti.kernel
     def write_parts(self, first: int, starts: A):
         """Write where the parts begin."""
+        ti.loop_config(serialize=self.serial)
         for k in range(starts.shape[0]):
             self.part_start[first + k] = starts[k]
 
     @ti.kernel
     def read_stiffest(self, first: int, out: A):
         """Read `stiffest` of some batches."""
+        ti.loop_config(serialize=self.serial)
         for k in range(out.shape[0]):
             for lane in range(self.lanes):
                 out[k, lane] = self.stiffest[first + k, lane]

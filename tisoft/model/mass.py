@@ -44,6 +44,7 @@ class ConsistentMass:
 
     def __init__(self, structure: str, rows: dict[str, int]) -> None:
         real = runtime.real_type(structure)[1]
+        self.serial = runtime.on_cpu()
         self.iterations = ITERATIONS[structure]
         vec3 = ti.types.vector(3, real)
         self.start = ti.field(ti.i32)
@@ -83,10 +84,13 @@ class ConsistentMass:
     @ti.kernel
     def write(self, first: int, starts: A, diagonal: A, entry: int, columns: A, entries: A):
         """Write a scene's matrix: nodes from row `first`, entries from row `entry` on."""
+        ti.loop_config(serialize=self.serial)
         for k in range(starts.shape[0]):
             self.start[first + k] = starts[k]
+        ti.loop_config(serialize=self.serial)
         for k in range(diagonal.shape[0]):
             self.diagonal[first + k] = diagonal[k]
+        ti.loop_config(serialize=self.serial)
         for k in range(columns.shape[0]):
             self.column[entry + k] = columns[k]
             self.entry[entry + k] = entries[k]
@@ -94,6 +98,7 @@ class ConsistentMass:
     @ti.kernel
     def read_residual(self, first: int, out: A):
         """Read f − M a of the last solve [N]."""
+        ti.loop_config(serialize=self.serial)
         for k in range(out.shape[0]):
             for d in ti.static(range(3)):
                 out[k, d] = self.residual[first + k][d] * self.diagonal[first + k]

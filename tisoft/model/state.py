@@ -26,6 +26,8 @@ RANGES = 16
 """Columns of `State.ranges`: first and last node, then first and last part of each block."""
 FIRST, LAST, PASSES, THREADS, LOADED, DONE, TRIPPED, PROBES, PROBE, RECORDS, CHUNKS = range(11)
 """Columns of `State.orders`."""
+POWER = 11
+"""Column of a record: v·f [W] of elements and gravity, where `measure` made it."""
 STEP, GRAVITY, MOST_KINETIC = 0, 1, 4
 """Columns of `State.settings`."""
 OBSTACLE_NUMBERS = 8
@@ -56,6 +58,8 @@ class State:
 
     def __init__(self, structure: str, rows: dict[str, int]) -> None:
         self.precision = structure
+        self.serial = runtime.on_cpu()
+        """Copies run on the caller's thread: handing them over costs more."""
         self.rows = rows
         self.numpy_real, self.real = runtime.real_type(structure)
         real, wide = self.real, ti.f64 if runtime.has_f64() else ti.f32
@@ -167,6 +171,7 @@ class State:
     @ti.kernel
     def write_nodes(self, first: int, rest: A, inverse_mass: A, body: A, copies: A):
         """Fill new rows of nodes, at rest; `copies` has one entry more than there are nodes."""
+        ti.loop_config(serialize=self.serial)
         for k in range(rest.shape[0]):
             i = first + k
             for d in ti.static(range(3)):
@@ -181,6 +186,7 @@ class State:
             self.body[i] = body[k]
             self.fixed[i] = 0
             self.work[i] = ti.Vector([0.0, 0.0])
+        ti.loop_config(serialize=self.serial)
         for k in range(copies.shape[0]):
             self.copy_start[first + k] = copies[k]
             self.pressure_start[first + k] = 0
@@ -188,6 +194,7 @@ class State:
     @ti.kernel
     def clear_copies(self, first: int, last: int):
         """Zero the forces of a scene's parts."""
+        ti.loop_config(serialize=self.serial)
         for k in range(first, last):
             self.force[k] = ti.Vector([0.0, 0.0, 0.0])
             self.viscous_force[k] = ti.Vector([0.0, 0.0, 0.0])
@@ -195,12 +202,14 @@ class State:
     @ti.kernel
     def write_masses(self, first: int, inverse_mass: A):
         """Write 1/m [1/kg]."""
+        ti.loop_config(serialize=self.serial)
         for k in range(inverse_mass.shape[0]):
             self.inverse_mass[first + k] = inverse_mass[k]
 
     @ti.kernel
     def write_motion(self, first: int, u: A, v: A):
         """Write u and v."""
+        ti.loop_config(serialize=self.serial)
         for k in range(u.shape[0]):
             for d in ti.static(range(3)):
                 self.displacement[first + k][d] = u[k, d]
@@ -209,6 +218,7 @@ class State:
     @ti.kernel
     def read_motion(self, first: int, u: A, v: A):
         """Read u and v."""
+        ti.loop_config(serialize=self.serial)
         for k in range(u.shape[0]):
             for d in ti.static(range(3)):
                 u[k, d] = self.displacement[first + k][d]
@@ -217,6 +227,7 @@ class State:
     @ti.kernel
     def shift(self, first: int, last: int, way: A):
         """Take `way` [m] off u."""
+        ti.loop_config(serialize=self.serial)
         for i in range(first, last):
             for d in ti.static(range(3)):
                 self.displacement[i][d] -= way[d]
@@ -224,6 +235,7 @@ class State:
     @ti.kernel
     def save(self, first: int, last: int):
         """Keep u and v."""
+        ti.loop_config(serialize=self.serial)
         for i in range(first, last):
             self.saved_displacement[i] = self.displacement[i]
             self.saved_velocity[i] = self.velocity[i]
@@ -231,6 +243,7 @@ class State:
     @ti.kernel
     def restore(self, first: int, last: int):
         """Go back to the u and v that were kept."""
+        ti.loop_config(serialize=self.serial)
         for i in range(first, last):
             self.displacement[i] = self.saved_displacement[i]
             self.velocity[i] = self.saved_velocity[i]
@@ -238,6 +251,7 @@ class State:
     @ti.kernel
     def write_fixed(self, first: int, fixed: A, drive: A):
         """Write what pins hold and how they move."""
+        ti.loop_config(serialize=self.serial)
         for k in range(fixed.shape[0]):
             self.fixed[first + k] = fixed[k]
             for d in ti.static(range(3)):
@@ -246,6 +260,7 @@ class State:
     @ti.kernel
     def read_fixed(self, first: int, fixed: A, drive: A):
         """Read what pins hold and how they move."""
+        ti.loop_config(serialize=self.serial)
         for k in range(fixed.shape[0]):
             fixed[k] = self.fixed[first + k]
             for d in ti.static(range(3)):
@@ -254,6 +269,7 @@ class State:
     @ti.kernel
     def write_places(self, first: int, nodes: A, axes: A, places: A):
         """Write components of u [m] of some nodes: those whose bits are set in `axes`."""
+        ti.loop_config(serialize=self.serial)
         for k in range(nodes.shape[0]):
             for d in ti.static(range(3)):
                 if axes[k] & (1 << d):
@@ -262,6 +278,7 @@ class State:
     @ti.kernel
     def write_loads(self, first: int, load: A):
         """Write the forces of loads."""
+        ti.loop_config(serialize=self.serial)
         for k in range(load.shape[0]):
             for d in ti.static(range(3)):
                 self.load[first + k][d] = load[k, d]
@@ -269,6 +286,7 @@ class State:
     @ti.kernel
     def write_pressed(self, first: int, pressed: A):
         """Write the forces of pressures, as the last substep saw them."""
+        ti.loop_config(serialize=self.serial)
         for k in range(pressed.shape[0]):
             for d in ti.static(range(3)):
                 self.pressed[first + k][d] = pressed[k, d]
@@ -276,6 +294,7 @@ class State:
     @ti.kernel
     def read_loads(self, first: int, load: A, pressed: A):
         """Read the forces of loads and pressures."""
+        ti.loop_config(serialize=self.serial)
         for k in range(load.shape[0]):
             for d in ti.static(range(3)):
                 load[k, d] = self.load[first + k][d]
@@ -286,8 +305,10 @@ class State:
         numbers: A,
     ):  # fmt: skip
         """Write the loaded faces' corners, from `row` on."""
+        ti.loop_config(serialize=self.serial)
         for k in range(starts.shape[0]):
             self.pressure_start[first + k] = starts[k]
+        ti.loop_config(serialize=self.serial)
         for k in range(ends.shape[0]):
             self.pressure_ends[row + k] = ti.Vector([ends[k, 0], ends[k, 1]])
             for c in ti.static(range(PRESSURE_NUMBERS)):
@@ -296,6 +317,7 @@ class State:
     @ti.kernel
     def write_bodies(self, first: int, drag: A, obstacles: A):
         """Write the bodies' point damping and first obstacles."""
+        ti.loop_config(serialize=self.serial)
         for k in range(drag.shape[0]):
             self.drag[first + k] = drag[k]
             self.obstacle_start[first + k] = obstacles[k]
@@ -303,6 +325,7 @@ class State:
     @ti.kernel
     def write_obstacles(self, first: int, kinds: A, numbers: A):
         """Write the obstacles' kinds and numbers."""
+        ti.loop_config(serialize=self.serial)
         for k in range(kinds.shape[0]):
             self.obstacle_kind[first + k] = kinds[k]
             for c in ti.static(range(OBSTACLE_NUMBERS)):
@@ -311,6 +334,7 @@ class State:
     @ti.kernel
     def write_scene(self, scene: int, ranges: A, orders: A, probe: int, probes: A):
         """Write a scene's ranges and probes."""
+        ti.loop_config(serialize=self.serial)
         for _ in range(1):
             for k in range(ranges.shape[0]):
                 self.ranges[scene, k] = ranges[k]
@@ -322,6 +346,7 @@ class State:
     @ti.kernel
     def read_record(self, first: int, out: A):
         """Read records."""
+        ti.loop_config(serialize=self.serial)
         for k in range(out.shape[0]):
             for c in range(out.shape[1]):
                 out[k, c] = self.record[first + k, c]
@@ -329,5 +354,6 @@ class State:
     @ti.kernel
     def read_limits(self, first: int, out: A):
         """Read the nodes' longest stable steps."""
+        ti.loop_config(serialize=self.serial)
         for k in range(out.shape[0]):
             out[k] = self.limit[first + k]

@@ -27,6 +27,8 @@ from tisoft.models.materials import SolidModel
 
 Floats = NDArray[np.float64]
 
+SMALL = 2000
+"""Cells up to which one thread looks at them sooner than two can be called."""
 MODES = 4
 """Columns of `Block.modes`."""
 
@@ -122,6 +124,7 @@ class System:
         self.scene = self.lease.starts["scenes"]
         self.obstacle_lease: Lease | None = None
         self._obstacles = 0
+        self._ordered: dict[tuple[str, int], float] = {}
 
     def _keep(self, lease: Lease) -> Lease:
         self._leases.append(lease)
@@ -240,6 +243,11 @@ class System:
         self.state.write_scene(self.scene, ranges, orders, self.lease.starts["probes"], probes)
 
     @property
+    def is_small(self) -> bool:
+        """Whether one thread is done before two could be called."""
+        return runtime.on_cpu() and self.tets + self.springs < SMALL
+
+    @property
     def record_rows(self) -> int:
         """Rows of a record: its sums, then the probes."""
         return 1 + len(self._probes)
@@ -269,6 +277,12 @@ class System:
         if self.mass_lease is not None:
             self._write_mass_rows(self.mass_lease, *self.mass_entries())
         self.write_bodies()
+
+    def order(self, field: str, column: int, value: float) -> None:
+        """Write one of the scene's `orders` or `settings`, where it is another than before."""
+        if self._ordered.get((field, column)) != value:
+            self._ordered[field, column] = value
+            getattr(self.state, field)[self.scene, column] = value
 
     def set_obstacles(self, obstacles: Sequence[Any], kinds: Sequence[int]) -> None:
         """Place obstacles, seen from the bodies' present origins."""

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from tisoft import checks
 from tisoft.checks import FieldError, keep_number, put
+from tisoft.laws import LAWS
 
 MassKind = Literal["lumped", "consistent"]
 
@@ -310,3 +311,15 @@ MODELS: dict[str, type[SolidModel] | type[MassSpring]] = {
     "neo-hookean": NeoHookean,
 }
 """The models by their names in scene files."""
+
+
+def model_of(word: str) -> type[SolidModel]:
+    """A model for a law of `LAWS` that needs no parameters but those of every solid."""
+    name = word.title().replace("-", "")
+    made = dataclass(frozen=True)(type(name, (SolidModel,), {"law": word, "__doc__": LAWS[word]}))
+    MODELS[word] = made
+    return made
+
+
+for _word in LAWS.keys() - MODELS.keys():
+    model_of(_word)

@@ -101,10 +101,13 @@ def node_limit(state: ti.template(), factor: ti.template(), i):
     return limit
 
 
-def make_look(state: Any, blocks: tuple[Any, ...], numbers: tuple[int, ...], factor: int) -> Any:
+def make_look(
+    state: Any, blocks: tuple[Any, ...], numbers: tuple[int, ...], factor: int, alone: bool
+) -> Any:
     """The kernel look(scene): limits of all nodes, the least of them, and inverted tets.
 
-    Args: blocks: those with tets; numbers: their places among the scene's blocks.
+    Args: blocks: those with tets; numbers: their places among the scene's blocks; alone: on the
+    caller's thread.
     """
     pairs = tuple(zip(numbers, blocks, strict=True))
 
@@ -113,11 +116,12 @@ def make_look(state: Any, blocks: tuple[Any, ...], numbers: tuple[int, ...], fac
         state.least_limit[scene] = NO_LIMIT
         state.inverted[scene] = 0
         for number, block in ti.static(pairs):
-            ti.loop_config(block_dim=1)
+            ti.loop_config(serialize=alone, block_dim=1)
             begin = state.ranges[scene, 2 + 2 * number]
             for part in range(begin, state.ranges[scene, 3 + 2 * number]):
                 for b in range(block.part_start[part], block.part_start[part + 1]):
                     batch_limits(block, state, scene, b)
+        ti.loop_config(serialize=alone)
         for i in range(state.ranges[scene, 0], state.ranges[scene, 1]):
             ti.atomic_min(state.least_limit[scene], node_limit(state, factor, i))
 

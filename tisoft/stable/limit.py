@@ -64,9 +64,10 @@ class StepLimit:
     def _kernel(self) -> Any:
         numbers = tuple(k for k, _ in self._shares)
         blocks = tuple(share.block for _, share in self._shares)
-        key = ("look", *blocks, numbers, self.factor)
+        alone = self.system.is_small
+        key = ("look", *blocks, numbers, self.factor, alone)
         return self.system.lease.arena.kernel(
-            key, lambda: make_look(self.system.state, blocks, numbers, self.factor)
+            key, lambda: make_look(self.system.state, blocks, numbers, self.factor, alone)
         )
 
     def refresh(self) -> None:

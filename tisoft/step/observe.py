@@ -36,10 +36,10 @@ class Observer:
         s.check_alive()
         mass = s.mass_lease.fields if s.mass_lease is not None else None
         blocks = tuple(share.block for share in s.shares)
-        key = (name, *blocks, mass)
+        key = (name, *blocks, mass, s.is_small)
         ledger = name == "measure"
         structure = Structure(s.state, blocks, SymplecticEuler, False, ledger, mass)
-        return s.lease.arena.kernel(key, lambda: make(structure))
+        return s.lease.arena.kernel(key, lambda: make(structure, s.is_small))
 
     def forces(self, *, viscous: bool = True) -> Floats:
         """Elastic, viscous and spring forces [N] on each node, internal order, (nodes, 3)."""
@@ -50,11 +50,23 @@ class Observer:
 
     def energies(self, gravity: Any) -> dict[str, float]:
         """Kinetic, elastic and gravity energy [J] of the present state."""
-        self._kernel("measure", make_measure)(self.system.scene)
+        return self.table(self._record(gravity), gravity)
+
+    def energies_and_power(self, gravity: Any) -> tuple[dict[str, float], float]:
+        """The same, and the power v·f [W] of the elements' forces and gravity."""
+        record = self._record(gravity)
+        return self.table(record, gravity), float(record[columns.POWER])
+
+    def _record(self, gravity: Any) -> Floats:
+        s = self.system
+        kernel = self._kernel("measure", make_measure)
+        for d in range(3):
+            s.order("settings", columns.GRAVITY + d, float(gravity[d]))
+        kernel(s.scene)
         wide = np.float64 if runtime.has_f64() else np.float32
         out = np.zeros((1, columns.RECORD), wide)
-        self.system.state.read_record(self.system.lease.starts["records"], out)
-        return self.table(out[0].astype(np.float64), gravity)
+        s.state.read_record(s.lease.starts["records"], out)
+        return out[0].astype(np.float64)
 
     def table(self, record: Floats, gravity: Any) -> dict[str, float]:
         """The same from a record of sums (`record`)."""

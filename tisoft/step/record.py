@@ -1,7 +1,7 @@
 # mypy: ignore-errors
 """What a stretch came to: sums over nodes and elements, in f64, in an order that no thread changes.
 
-    T = Σ m |v|²/2   (consistent mass: vᵀM v/2),   Σ m u,   W = Σ V Ψ + Σ k e²/2
+    T = Σ m |v|²/2   (consistent mass: vᵀM v/2),   Σ m u,   W = Σ V Ψ + Σ k e²/2,   Σ v·f
 
 Nodes are summed in chunks and elements in parts, each by one thread; then one thread adds chunks
 and parts up in order.  W is computed where a ledger is kept.
@@ -15,7 +15,9 @@ from tisoft.model.state import (
     CHUNK,
     CHUNKS,
     DONE,
+    GRAVITY,
     MOST_KINETIC,
+    POWER,
     PROBE,
     PROBES,
     RECORD,
@@ -128,35 +130,60 @@ def write(s: ti.template(), scene, number):
         s.state.orders[scene, TRIPPED] = 1
 
 
-def make_measure(s: Any) -> Any:
-    """The kernel measure(scene): sums of the present state into the first record."""
+def make_measure(s: Any, alone: bool) -> Any:
+    """The kernel measure(scene): sums of the present state into the first record, and the power
+    v·f [W] of the elements' forces and gravity into its last column; `alone`: on the caller's
+    thread.
+    """
 
     @ti.kernel
     def measure(scene: int):
-        for chunk in range((s.state.ranges[scene, 1] - s.state.ranges[scene, 0] - 1) // CHUNK + 1):
-            sum_chunk(s, scene, chunk)
         for number, block in ti.static(tuple(enumerate(s.blocks))):
-            ti.loop_config(block_dim=1)
+            ti.loop_config(serialize=alone, block_dim=1)
             begin = s.state.ranges[scene, 2 + 2 * number]
             for part in range(begin, s.state.ranges[scene, 3 + 2 * number]):
                 block.energy[part] = part_energy(block, s.state, part)
+                for b in range(block.part_start[part], block.part_start[part + 1]):
+                    forces.batch(block, s.state, False, b)
+        ti.loop_config(serialize=alone)
+        for chunk in range((s.state.ranges[scene, 1] - s.state.ranges[scene, 0] - 1) // CHUNK + 1):
+            sum_chunk(s, scene, chunk)
+            sum_power(s, scene, chunk)
+        ti.loop_config(serialize=alone)
         for _ in range(1):
             write(s, scene, 0)
 
     return measure
 
 
-def make_forces(s: Any) -> Any:
-    """The kernel total(scene, first, viscous, out): forces of all elements on the nodes [N]."""
+@ti.func
+def sum_power(s: ti.template(), scene, chunk):
+    """v·f [W] over a chunk of nodes, from the copies of their forces."""
+    low = s.state.ranges[scene, 0] + chunk * CHUNK
+    row = s.state.orders[scene, CHUNKS] + chunk
+    gravity = ti.Vector([s.state.settings[scene, GRAVITY + d] for d in range(3)])
+    for i in range(low, ti.min(low + CHUNK, s.state.ranges[scene, 1])):
+        f, v = forces.total(s.state, i), s.state.velocity[i]
+        mass = ti.cast(1.0, s.state.wide) / s.state.inverse_mass[i]
+        for d in ti.static(range(3)):
+            add(s, row, POWER, v[d] * (f[d] + mass * gravity[d]))
+
+
+def make_forces(s: Any, alone: bool) -> Any:
+    """The kernel total(scene, first, viscous, out): forces of all elements on the nodes [N].
+
+    `alone`: on the caller's thread.
+    """
 
     @ti.kernel
     def total(scene: int, first: int, viscous: int, out: ti.types.ndarray()):
         for number, block in ti.static(tuple(enumerate(s.blocks))):
-            ti.loop_config(block_dim=1)
+            ti.loop_config(serialize=alone, block_dim=1)
             begin = s.state.ranges[scene, 2 + 2 * number]
             for part in range(begin, s.state.ranges[scene, 3 + 2 * number]):
                 for b in range(block.part_start[part], block.part_start[part + 1]):
                     forces.batch(block, s.state, True, b)
+        ti.loop_config(serialize=alone)
         for k in range(out.shape[0]):
             f = forces.total(s.state, first + k)
             lost = forces.viscous_total(s.state, first + k)

@@ -67,7 +67,6 @@ class Stepper:
         self.trial = max(TRIAL, TRIAL_WORK // max(1, work))
         self.loaded = False
         """Whether loads and pressures act."""
-        self._known: dict[tuple[str, int], float] = {}
         self.structure = Structure(
             system.state,
             tuple(share.block for share in system.shares),
@@ -104,15 +103,15 @@ class Stepper:
             (step, *gravity, min(most_kinetic, 1e300)),
             strict=True,
         ):
-            self._set("settings", name, float(value))
-        self._set("orders", columns.LOADED, int(self.loaded))
+            self.system.order("settings", name, float(value))
+        self.system.order("orders", columns.LOADED, int(self.loaded))
         # A stretch cut into launches gives the bits of one launch: velocity Verlet's last pass only
         # closes the last substep.
         passes = substeps + (self.integrator.closing_passes if substeps else 0)
         if passes == 0:
             self.compile()
             return 0
-        self._set("orders", columns.PASSES, passes)
+        self.system.order("orders", columns.PASSES, passes)
         done, end = 0, count * passes
         while done < end:
             done = self._launch(done, end)
@@ -124,9 +123,9 @@ class Stepper:
         """Passes from `done` on, to `end` or as many as a launch takes; returns where it ended."""
         now = min(end - done, self.trial if self._tries() else self.longest)
         threads = self.pace.threads() if self.fixed is None else self.pace.most
-        self._set("orders", columns.FIRST, done)
-        self._set("orders", columns.LAST, done + now)
-        self._set("orders", columns.THREADS, threads)
+        self.system.order("orders", columns.FIRST, done)
+        self.system.order("orders", columns.LAST, done + now)
+        self.system.order("orders", columns.THREADS, threads)
         begun = time.perf_counter()
         self._advance(self.system.scene)
         if not runtime.on_cpu():
@@ -137,18 +136,12 @@ class Stepper:
 
     def compile(self) -> None:
         """Compile the kernel by a launch of no substep."""
-        self._set("orders", columns.FIRST, 0)
-        self._set("orders", columns.LAST, 0)
+        self.system.order("orders", columns.FIRST, 0)
+        self.system.order("orders", columns.LAST, 0)
         self._advance(self.system.scene)
 
     def _tries(self) -> bool:
         return self.fixed is None and self.pace.is_trial()
-
-    def _set(self, field: str, column: int, value: float) -> None:
-        """Write one number of the scene's orders or settings, where it is another than before."""
-        if self._known.get((field, column)) != value:
-            self._known[field, column] = value
-            getattr(self.system.state, field)[self.system.scene, column] = value
 
     @property
     def tripped(self) -> bool:
