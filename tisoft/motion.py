@@ -206,14 +206,18 @@ class Motion:
             raise FieldError("step", problem, step)
 
     def is_look_due(self, substeps: int) -> bool:
-        """Whether the limit is to be looked at after so many substeps more."""
-        return self.since_look + substeps >= self.look
+        """Whether the limit is to be looked at after so many substeps more: pins that move may
+        stretch a body in one.
+        """
+        driven = self.holder.is_moving or self.loading.changes
+        return driven or self.since_look + substeps >= self.look
 
     def _looked(self, substeps: int) -> None:
         """Note substeps, and look where that is due."""
+        due = self.is_look_due(substeps)
         self.substeps += substeps
         self.since_look += substeps
-        if self.since_look >= self.look:
+        if due:
             self.since_look = 0
             self.limit.moved()
             self.watch.look(self.time)
