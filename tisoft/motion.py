@@ -69,6 +69,8 @@ class Motion:
         """The step [s] by half of which the system's velocities lag behind, or 0."""
         self.since_look = 0
         """Substeps since the limit was looked at."""
+        self.next_look = 1
+        """Substeps after which it is to be looked at again."""
         self.wall_seconds = 0.0
         self._compiled = runtime.compile_seconds
         with np.errstate(all="ignore"):  # what leaves the range of floats is refused by name
@@ -210,7 +212,7 @@ class Motion:
         stretch a body in one.
         """
         driven = self.holder.is_moving or self.loading.changes
-        return driven or self.since_look + substeps >= self.look
+        return driven or self.since_look + substeps >= self.next_look
 
     def _looked(self, substeps: int) -> None:
         """Note substeps, and look where that is due."""
@@ -277,7 +279,7 @@ class Motion:
             return []
         self.loading.begin(self.time, self.time + frame_time)
         count, h = self.substeps_of(frame_time)
-        due = math.ceil((self.look - self.since_look) / count)
+        due = math.ceil((self.next_look - self.since_look) / count)
         most = min(most, due, columns.FRAMES, self._frames_until_release())
         if most < 2 or count > self.look or not self.steps or self.steps[-1] != h:
             return []
@@ -336,20 +338,27 @@ class Motion:
             self.system.set_motion(u, v + 0.5 * (before - after) * self.acceleration())
 
     def _recenter(self) -> None:
-        """Move a body's origin after it where it has travelled: u stays small, so exact in f32."""
+        """Move a body's origin after it where it has travelled: u stays small, so exact in f32; and
+        look again before one has travelled by half its size.
+        """
         moved = False
-        u = self.system.u
+        u, v = self.system.motion()
+        self.next_look = self.look
+        step = self.steps[-1]
+        gravity = float(np.linalg.norm(self.scene.gravity))
         for part in self.system.parts:
             here = u[part.nodes]
-            if np.abs(here[0]).max() < part.size:  # one node tells cheaply
-                continue
             way = here.mean(axis=0, dtype=np.float64).astype(u.dtype)
-            if np.abs(way).max() < part.size:
-                continue
-            first = self.system.first + part.start
-            self.system.state.shift(first, first + len(here), way)
-            part.shift = part.shift + way.astype(np.float64)
-            moved = True
+            if np.abs(way).max() >= part.size:
+                first = self.system.first + part.start
+                self.system.state.shift(first, first + len(here), way)
+                part.shift = part.shift + way.astype(np.float64)
+                moved = True
+            speed = float(np.linalg.norm(v[part.nodes].mean(axis=0, dtype=np.float64)))
+            # The speed grows by g t at the most: speed t + g t² = size/2.
+            time = part.size / (speed + math.sqrt(speed * speed + 2.0 * gravity * part.size) or 1.0)
+            if time < self.look * step:
+                self.next_look = max(1, min(self.next_look, int(time / step)))
         if moved:
             self.place_obstacles()
 
