@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +22,7 @@ from tisoft.geometry.checks import (
     positions,
     unit_sized,
 )
+from tisoft.geometry.groups import NodeSet, Region
 from tisoft.geometry.quality import signed_volumes
 
 Floats = NDArray[np.float64]
@@ -40,14 +41,25 @@ class TetMesh:
     """Nodes of each tet, shape (tets, 4), in the file's order; det(x1-x0, x2-x0, x3-x0) > 0."""
     kept_nodes: NDArray[np.int64]
     """Number (from 0) that each node has in the file, shape (nodes,)."""
-    flipped: int = 0
-    """Tets that were wrongly oriented in the file."""
+    turned: Ints = field(default_factory=lambda: np.empty(0, np.int32))
+    """Tets that the file orients the other way, ascending."""
     dropped_nodes: int = 0
     """Nodes of the file that no tet uses."""
+    regions: tuple[Region, ...] = ()
+    """Tets that the file calls by names or numbers."""
+    sets: tuple[NodeSet, ...] = ()
+    """Nodes and faces that the file calls by names or numbers."""
+    warnings: tuple[str, ...] = ()
+    """What reading changed of the body, a sentence each."""
+    notes: tuple[str, ...] = ()
+    """What reading left out, and the body does not depend on."""
+    joined: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 2), np.int64))
+    """Nodes merged into others: number in the file, and row of `points`, shape (merged, 2)."""
 
     def __post_init__(self) -> None:
         _freeze(self, "tets", _rows(self.tets, 4, "tet", self.points))
         _freeze_nodes(self)
+        _freeze(self, "turned", np.asarray(self.turned, dtype=np.int32))
         if len(self.tets) == 0:
             raise MeshError("a tetrahedral mesh needs at least one tet, and this one has none")
         turned = check_tets(self.points, self.tets)
@@ -56,6 +68,11 @@ class TetMesh:
                 f"{numbers('tet', turned)} oriented with negative volume; "
                 "build the mesh with tet_mesh(points, tets), which turns such tets round"
             )
+
+    @property
+    def flipped(self) -> int:
+        """How many tets the file orients the other way."""
+        return len(self.turned)
 
     @cached_property
     def volumes(self) -> Floats:
@@ -102,9 +119,14 @@ class SpringNet:
     """Triangles to draw, shape (triangles, 3); may be empty."""
     kept_nodes: NDArray[np.int64]
     """Number (from 0) that each node has in the file, shape (nodes,)."""
-    flipped: int = 0
     dropped_nodes: int = 0
     """Nodes of the file that no spring uses."""
+    sets: tuple[NodeSet, ...] = ()
+    """Nodes and faces that the file calls by names or numbers."""
+    warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    joined: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 2), np.int64))
+    """Nodes merged into others: number in the file, and row of `points`, shape (merged, 2)."""
 
     def __post_init__(self) -> None:
         _freeze(self, "edges", _rows(self.edges, 2, "spring", self.points))
@@ -121,6 +143,16 @@ class SpringNet:
     def tets(self) -> Ints:
         """No tets: shape (0, 4)."""
         return np.empty((0, 4), dtype=np.int32)
+
+    @property
+    def flipped(self) -> int:
+        """None: there are no tets."""
+        return 0
+
+    @property
+    def regions(self) -> tuple[Region, ...]:
+        """None: there are no tets."""
+        return ()
 
     @cached_property
     def pieces(self) -> int:
@@ -152,7 +184,7 @@ def tet_mesh(points: ArrayLike, tets: ArrayLike) -> TetMesh:
     turned = check_tets(nodes, corners)
     corners[turned] = corners[turned][:, [0, 1, 3, 2]]
     dropped = len(np.asarray(points)) - len(nodes)
-    return TetMesh(nodes, corners, kept, flipped=int(turned.sum()), dropped_nodes=dropped)
+    return TetMesh(nodes, corners, kept, np.flatnonzero(turned), dropped)
 
 
 def spring_net(points: ArrayLike, edges: ArrayLike) -> SpringNet:
