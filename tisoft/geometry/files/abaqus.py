@@ -43,19 +43,26 @@ _FACES: dict[int, list[tuple[int, ...]]] = {
 """Faces S1, S2, … of solids, by their number of corners."""
 
 
+_SOLIDS = re.compile(r"(?:A?C3D|DCC?3D|Q3D|C3DT|CSS|SC|EC3D|PC3D|C3D)(\d+)(?!\d).*")
+_FLAT = re.compile(r"(?:CPS|CPE|CPEG|CAX|DC2D|S|STRI|M3D|SFM3D|R3D|DS)(\d)(?!\d).*")
+_LINES = re.compile(r"(?:T3D|T2D|R2D|RB3D)(\d)(?!\d).*")
+_NO_STIFFNESS = re.compile(r"(?:CPS|CPE|CAX|DC2D|SFM3D|R3D|R2D|DS|MASS|ROTARYI).*")
+"""Elements that meshers write for faces and edges, or that only carry loads or masses."""
+_BY_NODES = (
+    (_SOLIDS, {4: kinds.TET, 10: kinds.TET, 8: kinds.HEX, 20: kinds.HEX, 21: kinds.HEX,
+               27: kinds.HEX, 6: kinds.WEDGE, 15: kinds.WEDGE, 18: kinds.WEDGE, 5: kinds.PYRAMID,
+               13: kinds.PYRAMID}),
+    (_FLAT, {3: kinds.TRIANGLE, 6: kinds.TRIANGLE, 4: kinds.QUAD, 8: kinds.QUAD, 9: kinds.QUAD}),
+    (_LINES, {2: kinds.LINE, 3: kinds.LINE}),
+)  # fmt: skip
+
+
 def kind_of(name: str) -> Kind | None:
-    """The kind of cell of an element type, as C3D4 or C3D20RH; None for what is left out."""
-    found = re.fullmatch(r"(?:A?C3D|DC3D|DCC3D|Q3D|C3DT?|CSS|SC|EC3D|PC3D)(\d+).*", name)
-    if found:
-        nodes = int(found[1])
-        for base, counts in (
-            (kinds.TET, (4, 10)),
-            (kinds.HEX, (8, 20, 21, 27)),
-            (kinds.WEDGE, (6, 15, 18)),
-            (kinds.PYRAMID, (5, 13)),
-        ):
-            if nodes in counts:
-                return kinds.of_order(base, nodes)
+    """The kind of cell of an element type, as C3D4 or C3D20RH; None for what is no cell."""
+    for pattern, bases in _BY_NODES:
+        found = pattern.fullmatch(name)
+        if found and int(found[1]) in bases:
+            return kinds.of_order(bases[int(found[1])], int(found[1]))
     return None
 
 
@@ -214,7 +221,8 @@ class _Joined:
             blocks.append((rows[:, 0], content.cells()))
             content.blocks.append((kind, numbered(rows[:, 1:], labels, kind.name + whose) + first))
         for name, count in scope.left_out.items():
-            content.warnings.append(f"{count} elements of type {name}{whose} are left out")
+            told = content.notes if _NO_STIFFNESS.fullmatch(name) else content.warnings
+            told.append(f"{count} elements of type {name}{whose} are left out")
 
     def add_sets(self) -> None:
         """Sets of all instances, those of one name together."""
@@ -340,11 +348,16 @@ def _add_nodes(scope: Scope, card: Card) -> None:
 def _add_elements(scope: Scope, card: Card) -> None:
     name = card.options.get("TYPE", "").upper()
     kind = kind_of(name)
-    if kind is None:
-        scope.left_out[name or "(none)"] += len(card.rows) if card.rows else card.text.count(b"\n")
-        return
-    rows = table(card, 1 + kind.nodes).astype(np.int64)
-    if not len(rows):
+    try:
+        rows = None if kind is None else table(card, 1 + kind.nodes).astype(np.int64)
+    except MeshError:
+        if kind is not None and kind.dim == 3:
+            raise
+        rows = None  # elements that are not needed
+    if kind is None or kind.dim < 3:
+        count = len(card.text.split(b"\n")) - 1 if rows is None else len(rows)
+        scope.left_out[name or "(none)"] += count
+    if kind is None or rows is None or not len(rows):
         return
     scope.elements.append((kind, rows))
     if elset := card.options.get("ELSET"):

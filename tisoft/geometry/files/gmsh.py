@@ -35,6 +35,7 @@ KINDS: dict[int, Kind] = {15: kinds.VERTEX} | {
 }
 
 Source = Text | Binary
+_NODES = {1.0: "NOD"}
 _SECTION = re.compile(rb"^[ \t]*\$(\w+)[ \t\r]*$", re.MULTILINE)
 Marks = NDArray[np.int64]
 
@@ -62,12 +63,13 @@ def read_gmsh(data: bytes) -> Content:
     file = _File(data)
     version, binary = file.format()
     sections = file.sections(binary)
-    nodes = _needed(sections, "NOD" if version == 1.0 else "Nodes")
+    parametric = version < 4.0 and "ParametricNodes" in sections
+    nodes = _needed(sections, _NODES.get(version, "ParametricNodes" if parametric else "Nodes"))
     cells = _needed(sections, "ELM" if version == 1.0 else "Elements")
     names = _physical_names(sections.get("PhysicalNames"))
     physicals: dict[tuple[int, int], list[int]] = {}
     if version < 4.0:
-        labels, points = _plain_nodes(nodes)
+        labels, points = _parametric_nodes(nodes) if parametric else _plain_nodes(nodes)
     else:
         for name in ("Entities", "PartitionedEntities"):
             if name in sections:
@@ -116,7 +118,7 @@ class _File:
     def sections(self, binary: str) -> dict[str, Source]:
         """What may hold numbers, by name; others are passed over."""
         held: dict[str, Source] = {}
-        wanted = {"NOD", "ELM", "Nodes", "Elements", "Entities", "PartitionedEntities"}
+        wanted = {"NOD", "ELM", "Nodes", "ParametricNodes", "Elements", "Entities", "PartitionedEntities"}
         place = 0
         while found := _SECTION.search(self.data, place):
             name = found[1].decode()
@@ -183,6 +185,19 @@ def _plain_nodes(section: Source) -> tuple[Ints, NDArray[np.float64]]:
     count = section.count()
     tags, points = section.rows(count, ("i", 1), ("d", 3))
     return section.integers(tags)[:, 0], points
+
+
+def _parametric_nodes(section: Source) -> tuple[Ints, NDArray[np.float64]]:
+    """Version 2: a count, then "tag x y z dim entity parameters…" rows, as many as dim 1 or 2."""
+    count = section.count()
+    labels, points = [], []
+    for _ in range(count):
+        tag, place, entity = section.rows(1, ("i", 1), ("d", 3), ("i", 2))
+        dim = int(entity[0, 0])
+        section.take(dim if dim in (1, 2) else 0, "d")
+        labels.append(section.integers(tag)[0, 0])
+        points.append(place[0])
+    return np.array(labels, dtype=np.int64), np.array(points).reshape(-1, 3)
 
 
 def _block_nodes(section: Source, version: float) -> tuple[Ints, NDArray[np.float64]]:

@@ -43,9 +43,14 @@ _OTHERS: tuple[tuple[str, bytes], ...] = (
     ("a CAD model (STEP)", rb"\s*ISO-10303-21"),
     ("a CAD model (IGES)", rb".{72}S\s*1\s*\n"),
     ("a CAD model (BREP)", rb"\s*(?:DBRep_DrawableShape|CASCADE Topology)"),
+    ("a Gmsh geometry (.geo)", rb"(?s).*?^\s*(?:SetFactory|Point\s*\(\s*\d+\s*\)\s*=)"),
+)
+_UNREAD: tuple[tuple[str, bytes], ...] = (
     ("an LS-DYNA model", rb"(?:\$[^\n]*\n)*\*KEYWORD\b"),
     ("an MFEM mesh", rb"MFEM (?:NC )?mesh"),
-    ("a Gmsh geometry (.geo)", rb"(?s).*?^\s*(?:SetFactory|Point\s*\(\s*\d+\s*\)\s*=)"),
+    ("an I-DEAS universal file", rb"\s{0,4}-1\s*\n\s*\d+\s*\n"),
+    ("an OpenFOAM file", rb"(?s)\s*/\*-.*?FoamFile"),
+    ("a COMSOL mesh", rb"# (?:Created by|Major) .*(?:COMSOL|version)"),
 )
 _SUFFIXES = {".vtk": "vtk", ".vtu": "vtu"}
 _FAULTS = (ValueError, TypeError, IndexError, KeyError, OverflowError, AttributeError, MemoryError,
@@ -115,6 +120,9 @@ def _format(path: Path) -> str:
     for what, words in _OTHERS:
         if re.compile(words, re.MULTILINE).match(head):
             raise MeshError(f"it holds {what}, no tets; {REMEDY}")
+    for what, words in _UNREAD:
+        if re.compile(words, re.MULTILINE).match(head):
+            raise MeshError(f"it is {what}, which is not read; save it as Gmsh, VTU or Abaqus file")
     suffix = path.suffix.lower()
     if suffix in SURFACE_SUFFIXES:
         raise MeshError(f"{suffix} files hold a surface, no tets; {REMEDY}")

@@ -33,6 +33,9 @@ _ATTRIBUTES = {
 }  # fmt: skip
 
 
+_SECTION = re.compile(rb"^(POINTS|CELLS|CELL_TYPES|CELL_DATA|POINT_DATA)[ \t]+\d", re.M | re.I)
+
+
 def read_vtk(data: bytes) -> Content:
     """The unstructured grid of a legacy VTK file.
 
@@ -45,7 +48,7 @@ def read_vtk(data: bytes) -> Content:
     grid = _Grid(words)
     while (line := words.line()) is not None:
         if not grid.take(line):
-            break
+            words.skip_to_section()
     return grid.content()
 
 
@@ -65,6 +68,11 @@ class _Words:
             if words:
                 return words
         return None
+
+    def skip_to_section(self) -> None:
+        """Past data that is no numbers, to the next section of the grid."""
+        found = _SECTION.search(self.data, self.place)
+        self.place = found.start() if found else len(self.data)
 
     def next_is(self, *words: bytes) -> bool:
         """Whether the next line that holds something begins with one of the words."""
@@ -115,7 +123,7 @@ class _Grid:
         self._rows = 0
 
     def take(self, line: list[str]) -> bool:
-        """Reads a section by its first line; false where the rest cannot matter any more."""
+        """Reads a section by its first line; false where what follows is no numbers."""
         word = line[0].upper()
         words = self._words
         if word == "DATASET":

@@ -62,7 +62,7 @@ for _first in (68, 75):
         (kinds.LINE, kinds.TRIANGLE, kinds.QUAD, kinds.TET, kinds.HEX, kinds.WEDGE, kinds.PYRAMID),
         start=_first,
     ):
-        KINDS[_number] = Kind(f"{_base.name} of higher order", _base.dim, _base.corners)
+        KINDS[_number] = Kind(f"higher-order {_base.name}", _base.dim, _base.corners)
 
 _IN_ROWS = {kinds.VOXEL: [0, 1, 3, 2, 4, 5, 7, 6], kinds.PIXEL: [0, 1, 3, 2]}
 """Cells along the axes number their corners in rows; here in the order of hexahedra and quads."""
