@@ -113,12 +113,12 @@ def table(card: Card, width: int, *, filled: bool = False) -> NDArray[np.float64
         for line in lines:
             words = [word.strip() or b"0" for word in line.split(b",")]
             padded.append(b" ".join((words + [b"0"] * width)[:width]))
-        values = numbers(b"\n".join(padded), where)
+        text = b"\n".join(padded)
     else:
         text = card.text.replace(b",", b" ")
-        if re.search(rb"\d[dD][-+\d]", text):
-            text = re.sub(rb"(\d\.?)[dD]([-+\d])", rb"\1e\2", text)
-        values = numbers(text, where)
+    if re.search(rb"[\d.][dD][-+\d]", text):  # Fortran's exponents
+        text = re.sub(rb"([\d.])[dD]([-+\d])", rb"\1e\2", text)
+    values = numbers(text, where)
     if len(values) % width:
         raise MeshError(
             f"{where} holds {len(values)} numbers, which are no rows of {width}; "
