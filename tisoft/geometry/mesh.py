@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -55,11 +55,17 @@ class TetMesh:
     """What reading left out, and the body does not depend on."""
     joined: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 2), np.int64))
     """Nodes merged into others: number in the file, and row of `points`, shape (merged, 2)."""
+    checked: InitVar[bool] = False
+    """Points and tets come from a mesh, or have been checked as those of a mesh are."""
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, checked: bool) -> None:
+        _freeze(self, "turned", np.asarray(self.turned, dtype=np.int32))
+        if checked:
+            for name in ("points", "tets", "kept_nodes"):
+                _freeze(self, name, getattr(self, name))
+            return
         _freeze(self, "tets", _rows(self.tets, 4, "tet", self.points))
         _freeze_nodes(self)
-        _freeze(self, "turned", np.asarray(self.turned, dtype=np.int32))
         if len(self.tets) == 0:
             raise MeshError("a tetrahedral mesh needs at least one tet, and this one has none")
         turned = check_tets(self.points, self.tets)
@@ -184,7 +190,8 @@ def tet_mesh(points: ArrayLike, tets: ArrayLike) -> TetMesh:
     turned = check_tets(nodes, corners)
     corners[turned] = corners[turned][:, [0, 1, 3, 2]]
     dropped = len(np.asarray(points)) - len(nodes)
-    return TetMesh(nodes, corners, kept, np.flatnonzero(turned), dropped)
+    backward = np.flatnonzero(turned)
+    return TetMesh(nodes, corners, kept, backward, dropped, checked=True)
 
 
 def spring_net(points: ArrayLike, edges: ArrayLike) -> SpringNet:

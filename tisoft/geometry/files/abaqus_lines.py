@@ -106,11 +106,12 @@ def table(card: Card, width: int, *, filled: bool = False) -> NDArray[np.float64
     Otherwise a row may go on in the next lines, until it has `width` numbers.
     """
     where = f"*{card.word} in line {card.line}"
-    lines = [line for line in card.text.splitlines() if line.strip()]
-    commas = {line.rstrip().rstrip(b",").count(b",") for line in lines}
-    if filled and commas and commas != {width - 1}:
+    lines = card.text.strip().count(b"\n") + 1 if card.text.strip() else 0
+    if filled and card.text.count(b",") != (width - 1) * lines:
         padded = []
-        for line in lines:
+        for line in card.text.splitlines():
+            if not line.strip():
+                continue
             words = [word.strip() or b"0" for word in line.split(b",")]
             padded.append(b" ".join((words + [b"0"] * width)[:width]))
         text = b"\n".join(padded)

@@ -92,6 +92,7 @@ def _solid(content: Content) -> TetMesh:
         sets=tuple(_sets(content, marks, _rows_of(content, mesh))),
         warnings=tuple(f"the file: {told}" for told in content.warnings) + tuple(_told(content)),
         notes=tuple(content.notes),
+        checked=True,
     )
 
 
