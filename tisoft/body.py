@@ -15,7 +15,7 @@ from tisoft.geometry.mesh import Mesh, SpringNet, TetMesh
 from tisoft.loads import Load, Torque
 from tisoft.models.materials import MassSpring, Model, SolidModel
 from tisoft.pins import Pin, Turn
-from tisoft.where import NodeNumbers, Selection
+from tisoft.where import InSet, NodeNumbers, Selection, rows_in
 
 
 @dataclass(eq=False)
@@ -88,7 +88,7 @@ class Body:
             FieldError: where it picks none, or names a node that the mesh has not.
         """
         with inside("where"):
-            picked = where.select(self.mesh.points, self.mesh.kept_nodes)
+            picked = rows_in(where, self.mesh)
         if len(picked) == 0:
             lo, hi = (_point(f(self.mesh.points, axis=0)) for f in (np.min, np.max))
             problem = f'selects no node of "{self.name}", whose mesh spans {lo} to {hi}'
@@ -96,7 +96,12 @@ class Body:
         return picked
 
     def faces(self, where: Selection) -> NDArray[np.int64]:
-        """Rows of `mesh.surface` all of whose nodes are selected; may be none."""
+        """Rows of `mesh.surface` all of whose nodes are selected, or the faces of a set of faces."""
+        if isinstance(where, InSet):
+            with inside("where"):
+                own = where.faces_in(self.mesh)
+            if own is not None:
+                return own
         picked = np.zeros(len(self.mesh.points), dtype=bool)
         picked[self.nodes(where)] = True
         return np.flatnonzero(picked[self.mesh.surface].all(axis=1))

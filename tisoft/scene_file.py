@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -266,12 +266,20 @@ def _load(table: Any, field: str) -> Load:
     return make(Load, rest, field, where=_where(table, field), torque=torque)
 
 
+_SIMPLE: dict[str, Callable[[Any], Selection]] = {
+    "nodes": where.nodes,
+    "nearest": where.nearest,
+    "region": where.region,
+    "set": where.in_set,
+}
+
+
 def _where(holder: Table, holder_field: str) -> Selection:
     field = joined(holder_field, "where")
     if "where" not in holder:
         raise FieldError(field, 'is missing; give { box = [lo, hi] }, { nodes = [0] } or "all"')
     rule = holder["where"]
-    kinds = ("box", "nodes", "plane", "nearest")
+    kinds = ("box", "nodes", "plane", "nearest", "region", "set")
     if isinstance(rule, str):
         if rule != "all":
             problem = f"is not known; {suggestion(rule, ['all'])} or one of {', '.join(kinds)}"
@@ -281,10 +289,8 @@ def _where(holder: Table, holder_field: str) -> Selection:
     kind = checks.exactly_one(field, {key: rule.get(key) for key in kinds})
     value = rule[kind]
     with inside(field):
-        if kind == "nodes":
-            return where.nodes(value)
-        if kind == "nearest":
-            return where.nearest(value)
+        if kind in _SIMPLE:
+            return _SIMPLE[kind](value)
         if kind == "plane":
             check_keys(value, "plane", ("point", "normal"))
             for key in ("point", "normal"):

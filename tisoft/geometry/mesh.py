@@ -23,6 +23,7 @@ from tisoft.geometry.checks import (
     unit_sized,
 )
 from tisoft.geometry.groups import NodeSet, Region
+from tisoft.geometry.joints import Joints, joints_of
 from tisoft.geometry.quality import signed_volumes
 
 Floats = NDArray[np.float64]
@@ -99,6 +100,11 @@ class TetMesh:
     def pieces(self) -> int:
         """Number of parts that share no node."""
         return topology.pieces(self.edges, len(self.points))
+
+    @cached_property
+    def joints(self) -> Joints:
+        """Where nodes, faces and tets are not joined as their places show."""
+        return joints_of(self.points, self.tets, self.turned)
 
     def transformed(
         self,
