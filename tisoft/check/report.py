@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tisoft.body import Body
 from tisoft.check.limiting import damping_cost, limiting_element, metres
+from tisoft.check.meshes import mesh_notes, used
 from tisoft.check.warnings import warnings_of
 from tisoft.geometry.bracing import mechanism, missing_springs, moving_nodes
 from tisoft.geometry.mesh import TetMesh
@@ -55,6 +56,7 @@ def check(sim: Simulation) -> Report:
         "warnings": warnings_of(scene),
     }
     for body in scene.bodies:
+        report.result["warnings"] += mesh_notes(body)
         if isinstance(body.model, MassSpring):
             _count_modes(body, report)
     report.result["estimated_real_time_factor"] = estimated_real_time_factor(sim)
@@ -74,6 +76,26 @@ def mesh_report(body: Body) -> dict[str, Any]:
         "worst_quality": None,
         "worst_element": None,
         "size": np.ptp(mesh.points, axis=0).tolist(),
+        "notes": list(mesh.notes),
+        "regions": [
+            {
+                "name": region.name,
+                "tag": region.tag,
+                "elements": len(region.tets),
+                "volume": float(mesh.volumes[region.tets].sum()),
+            }
+            for region in (mesh.regions if isinstance(mesh, TetMesh) else ())
+        ],
+        "sets": [
+            {
+                "name": group.name,
+                "tag": group.tag,
+                "nodes": len(group.nodes),
+                "faces": len(group.faces),
+                "used": used(body, group),
+            }
+            for group in mesh.sets
+        ],
     }
     if isinstance(mesh, TetMesh):
         shape = quality(mesh)
@@ -158,9 +180,10 @@ def _mesh_lines(name: str, mesh: dict[str, Any], result: dict[str, Any]) -> list
             f"  quality        worst {mesh['worst_quality']:.2g} (tet {mesh['worst_element']}), "
             f"median altitude {metres(mesh['median_altitude'])}"
         )
+    lines += _group_lines(mesh)
     for key, told in (
-        ("flipped", "tets turned round: the file had them inside out"),
-        ("dropped_nodes", "nodes dropped: nothing in the file uses them"),
+        ("flipped", "tets turned round: the file orients them the other way"),
+        ("dropped_nodes", "nodes dropped: no element has them as a corner"),
     ):
         if mesh[key]:
             lines.append(f"  note           {mesh[key]} {told}")
@@ -172,6 +195,23 @@ def _mesh_lines(name: str, mesh: dict[str, Any], result: dict[str, Any]) -> list
             told += f", {result['in_plane'][name]} of them in plane"
         lines.append(f"  mechanisms     {told}")
     return lines
+
+
+def _group_lines(mesh: dict[str, Any]) -> list[str]:
+    """Regions, sets and notes of the file."""
+    lines = []
+    for region in mesh["regions"]:
+        number = "" if region["tag"] is None or str(region["tag"]) == region["name"] else f" ({region['tag']})"
+        lines.append(
+            f"  region         {region['name']}{number}: {region['elements']} tets, "
+            f"{region['volume']:.4g} m³"
+        )
+    for group in mesh["sets"]:
+        number = "" if group["tag"] is None or str(group["tag"]) == group["name"] else f" ({group['tag']})"
+        faces = f", {group['faces']} faces" if group["faces"] else ""
+        unused = "" if group["used"] else ", not used"
+        lines.append(f"  set            {group['name']}{number}: {group['nodes']} nodes{faces}{unused}")
+    return lines + [f"  note           {note}" for note in mesh["notes"]]
 
 
 def seconds(time: float) -> str:

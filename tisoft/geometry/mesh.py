@@ -54,6 +54,8 @@ class TetMesh:
     """What reading changed of the body, a sentence each."""
     notes: tuple[str, ...] = ()
     """What reading left out, and the body does not depend on."""
+    questions: tuple[str, ...] = ()
+    """What looks like a slip of its user, each the rest of a sentence about the body."""
     joined: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 2), np.int64))
     """Nodes merged into others: number in the file, and row of `points`, shape (merged, 2)."""
     checked: InitVar[bool] = False
@@ -137,6 +139,7 @@ class SpringNet:
     """Nodes and faces that the file calls by names or numbers."""
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    questions: tuple[str, ...] = ()
     joined: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 2), np.int64))
     """Nodes merged into others: number in the file, and row of `points`, shape (merged, 2)."""
 

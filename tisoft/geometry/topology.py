@@ -79,13 +79,19 @@ def match_faces(
 
 def pieces(edges: NDArray[np.integer], nodes: int) -> int:
     """Number of connected pieces of `nodes` nodes joined by `edges`; a lone node is a piece."""
+    return int(piece_of(edges, nodes).max(initial=-1)) + 1
+
+
+def piece_of(edges: NDArray[np.integer], nodes: int) -> Ints:
+    """The piece, counted from 0, that each node belongs to, shape (nodes,)."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
     ends = np.asarray(edges, dtype=np.int32).reshape(-1, 2)
     ones = np.ones(len(ends), dtype=np.int8)
     graph = coo_array((ones, (ends[:, 0], ends[:, 1])), shape=(nodes, nodes))
-    return int(connected_components(graph, directed=False, return_labels=False))
+    labels: Ints = connected_components(graph, directed=False)[1]
+    return labels
 
 
 def incidence(cells: NDArray[np.integer], nodes: int) -> tuple[Ints, Ints]:

@@ -1,0 +1,165 @@
+"""What a body's mesh may surprise its user with, as sentences.
+
+`mesh_warnings` changes what is computed and is told by every command; `mesh_notes` is for `check`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tisoft.body import Body
+from tisoft.geometry import topology
+from tisoft.geometry.groups import NodeSet, Region
+from tisoft.geometry.joints import Joints, coincident_nodes
+from tisoft.geometry.mesh import TetMesh
+from tisoft.models.materials import MassSpring, SolidModel
+from tisoft.scene import Scene
+from tisoft.where import InRegion, InSet
+
+Ints = NDArray[np.integer]
+
+
+def mesh_warnings(scene: Scene) -> list[str]:
+    """Sentences about meshes that are not what they look like; none where nothing is to be said."""
+    found = []
+    for body in scene.bodies:
+        name = f'body "{body.name}"'
+        found += [f"{name} {told}" for told in _of_body(body)]
+    return found
+
+
+def _of_body(body: Body) -> Iterator[str]:
+    mesh = body.mesh
+    for told in mesh.warnings:
+        yield f"is not just as its file has it: {told}"
+    if isinstance(mesh, TetMesh):
+        yield from _of_joints(mesh, mesh.joints)
+        yield from _of_regions(body, mesh)
+    elif told := _coincident(body.mesh, coincident_nodes(mesh.points, mesh.edges)):
+        yield told
+    yield from _of_pieces(body)
+
+
+def _of_joints(mesh: TetMesh, joints: Joints) -> Iterator[str]:
+    if told := _coincident(mesh, joints.coincident):
+        yield told
+    if len(joints.hanging) or joints.lying:
+        node = f", as node {_numbered(mesh, joints.hanging[0])}" if len(joints.hanging) else ""
+        yield (
+            f"has faces that lie on each other and are not joined: {len(joints.hanging)} nodes lie on "
+            f"faces or edges of other tets{node}, and {joints.lying} faces on others of another "
+            "triangulation; the body comes apart there, so mesh both sides alike"
+        )
+    elif len(joints.hinges):
+        yield (
+            f"hangs together by an edge or a node alone at {_count(len(joints.hinges), 'node')}, as "
+            f"node {_numbered(mesh, joints.hinges[0])}: it turns there as on a hinge; "
+            "join the tets by faces"
+        )
+    if len(joints.folded):
+        yield _folded(mesh, joints.folded)
+    if len(joints.doubled):
+        yield (
+            f"fills the same space twice: {_count(len(joints.doubled), 'tet')} (as tet "
+            f"{joints.doubled[0]}) hold nodes or centres of others, and mass and stiffness count "
+            "double there; cut the parts free of each other, or take one out"
+        )
+
+
+def _coincident(mesh: object, pairs: Ints) -> str | None:
+    if not len(pairs):
+        return None
+    a, b = (int(mesh.kept_nodes[node]) for node in pairs[0])  # type: ignore[attr-defined]
+    place = ", ".join(f"{x:.6g}" for x in mesh.points[pairs[0, 0]])  # type: ignore[attr-defined]
+    verb = "pair of nodes lies" if len(pairs) == 1 else "pairs of nodes lie"
+    return (
+        f"may come apart: {len(pairs)} {verb} in the same place (as nodes {a} and {b} at ({place})) "
+        "and nothing joins them; merge = true in [body.mesh] makes one node of each"
+    )
+
+
+def _numbered(mesh: TetMesh, node: int) -> str:
+    place = ", ".join(f"{x:.6g}" for x in mesh.points[node])
+    return f"{int(mesh.kept_nodes[node])} at ({place})"
+
+
+def _folded(mesh: TetMesh, folded: Ints) -> str:
+    total = float(mesh.volumes.sum())
+    enclosed = total - 2.0 * float(mesh.volumes[folded].sum())
+    shown = ", ".join(str(tet) for tet in folded[:5]) + (", …" if len(folded) > 5 else "")
+    many = f"tet {shown} is" if len(folded) == 1 else f"tets {shown} ({len(folded)}) are"
+    return (
+        f"overlaps itself: {many} folded over their neighbours; the tets add up to {total:.6g} m³, the "
+        f"surface encloses {enclosed:.6g} m³, and mass and stiffness are wrong there; mend the mesh"
+    )
+
+
+def _of_regions(body: Body, mesh: TetMesh) -> Iterator[str]:
+    if len(mesh.regions) < 2 or not isinstance(body.model, SolidModel):
+        return
+    listed = ", ".join(
+        f"{named(region)} ({_count(len(region.tets), 'tet')})" for region in mesh.regions[:6]
+    )
+    more = ", …" if len(mesh.regions) > 6 else ""
+    yield (
+        f"has {len(mesh.regions)} regions in its file, {listed}{more}, and one material is used for "
+        "all of them"
+    )
+
+
+def _of_pieces(body: Body) -> Iterator[str]:
+    """Pieces that no pin holds, where others are held."""
+    mesh = body.mesh
+    springs = isinstance(body.model, MassSpring)
+    if not body.pins or (mesh.pieces < 2 and not springs):
+        return
+    labels = topology.piece_of(body.springs() if springs else mesh.edges, len(mesh.points))
+    held = np.unique(labels[np.concatenate([body.nodes(pin.where) for pin in body.pins])])
+    free = np.setdiff1d(labels, held)
+    if len(free):
+        first = int(np.flatnonzero(labels == free[0])[0])
+        pieces = "a piece" if len(free) == 1 else f"{len(free)} pieces"
+        yield (
+            f"has {pieces} of {int(labels.max()) + 1} that no pin holds, as that of node "
+            f"{int(mesh.kept_nodes[first])}: nothing joins it to the others"
+        )
+
+
+def mesh_notes(body: Body) -> list[str]:
+    """What `check` asks and tells of a body's mesh beyond warnings."""
+    mesh, name = body.mesh, f'body "{body.name}"'
+    found = [f"{name} {told}" for told in mesh.questions]
+    unused = [group for group in mesh.sets if not used(body, group)]
+    if unused:
+        listed = ", ".join(named(group) for group in unused[:6]) + (", …" if len(unused) > 6 else "")
+        found.append(
+            f"{name} has {_count(len(unused), 'set')} in its file that no pin or load uses: {listed}; "
+            "where = { set = … } selects one"
+        )
+    return found
+
+
+def used(body: Body, group: Region | NodeSet) -> bool:
+    """Whether a pin or a load names a region or a set."""
+    for part in (*body.pins, *body.loads):
+        if isinstance(part.where, InRegion) and isinstance(group, Region):
+            if group in [body.mesh.regions[k] for k in part.where.found(body.mesh)]:
+                return True
+        elif isinstance(part.where, InSet) and isinstance(group, NodeSet):
+            if group in [body.mesh.sets[k] for k in part.where.found(body.mesh)]:
+                return True
+    return False
+
+
+def named(group: Region | NodeSet) -> str:
+    """ "soft" (1), or 7 where the number is all there is."""
+    if group.tag is not None and str(group.tag) == group.name:
+        return group.name
+    return f'"{group.name}"' + (f" ({group.tag})" if group.tag is not None else "")
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'s' * (number != 1)}"
