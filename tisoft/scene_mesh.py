@@ -152,7 +152,9 @@ def _scale(table: Table) -> float:
     """Metres in the mesh's own unit of length."""
     if "units" in table:
         if "scale" in table:
-            raise FieldError("units", "and scale exclude each other: both turn the file into metres")
+            raise FieldError(
+                "units", "and scale exclude each other: both turn the file into metres"
+            )
         return UNITS[checks.choice("units", table["units"], list(UNITS))]
     return checks.number("scale", table.get("scale", 1.0), above=0.0)
 

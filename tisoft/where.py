@@ -224,7 +224,9 @@ class InSet:
 
 def _check_name(field: str, value: Any) -> None:
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
-        raise FieldError(field, f"must be the name or the number of a {field} of the mesh file", value)
+        raise FieldError(
+            field, f"must be the name or the number of a {field} of the mesh file", value
+        )
 
 
 def _found(field: str, name: str | int, groups: Sequence[Any]) -> list[int]:

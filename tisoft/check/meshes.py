@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from tisoft.body import Body
 from tisoft.geometry import topology
-from tisoft.geometry.groups import NodeSet, Region
+from tisoft.geometry.groups import NodeSet, Region, listed, title
 from tisoft.geometry.joints import Joints, coincident_nodes
-from tisoft.geometry.mesh import TetMesh
+from tisoft.geometry.mesh import Mesh, TetMesh
 from tisoft.models.materials import MassSpring, SolidModel
 from tisoft.scene import Scene
 from tisoft.where import InRegion, InSet
@@ -38,8 +38,8 @@ def _of_body(body: Body) -> Iterator[str]:
     if isinstance(mesh, TetMesh):
         yield from _of_joints(mesh, mesh.joints)
         yield from _of_regions(body, mesh)
-    elif told := _coincident(body.mesh, coincident_nodes(mesh.points, mesh.edges)):
-        yield told
+    elif apart := _coincident(mesh, coincident_nodes(mesh.points, mesh.edges)):
+        yield apart
     yield from _of_pieces(body)
 
 
@@ -69,11 +69,11 @@ def _of_joints(mesh: TetMesh, joints: Joints) -> Iterator[str]:
         )
 
 
-def _coincident(mesh: object, pairs: Ints) -> str | None:
+def _coincident(mesh: Mesh, pairs: Ints) -> str | None:
     if not len(pairs):
         return None
-    a, b = (int(mesh.kept_nodes[node]) for node in pairs[0])  # type: ignore[attr-defined]
-    place = ", ".join(f"{x:.6g}" for x in mesh.points[pairs[0, 0]])  # type: ignore[attr-defined]
+    a, b = (int(mesh.kept_nodes[node]) for node in pairs[0])
+    place = ", ".join(f"{x:.6g}" for x in mesh.points[pairs[0, 0]])
     verb = "pair of nodes lies" if len(pairs) == 1 else "pairs of nodes lie"
     return (
         f"may come apart: {len(pairs)} {verb} in the same place (as nodes {a} and {b} at ({place})) "
@@ -100,12 +100,12 @@ def _folded(mesh: TetMesh, folded: Ints) -> str:
 def _of_regions(body: Body, mesh: TetMesh) -> Iterator[str]:
     if len(mesh.regions) < 2 or not isinstance(body.model, SolidModel):
         return
-    listed = ", ".join(
-        f"{named(region)} ({_count(len(region.tets), 'tet')})" for region in mesh.regions[:6]
+    counted = ", ".join(
+        f"{title(region)}: {_count(len(region.tets), 'tet')}" for region in mesh.regions[:6]
     )
     more = ", …" if len(mesh.regions) > 6 else ""
     yield (
-        f"has {len(mesh.regions)} regions in its file, {listed}{more}, and one material is used for "
+        f"has {len(mesh.regions)} regions in its file ({counted}{more}), and one material is used for "
         "all of them"
     )
 
@@ -134,9 +134,8 @@ def mesh_notes(body: Body) -> list[str]:
     found = [f"{name} {told}" for told in mesh.questions]
     unused = [group for group in mesh.sets if not used(body, group)]
     if unused:
-        listed = ", ".join(named(group) for group in unused[:6]) + (", …" if len(unused) > 6 else "")
         found.append(
-            f"{name} has {_count(len(unused), 'set')} in its file that no pin or load uses: {listed}; "
+            f"{name} has {_count(len(unused), 'set')} in its file that no pin or load uses: {listed(unused, 6)}; "
             "where = { set = … } selects one"
         )
     return found
@@ -144,21 +143,15 @@ def mesh_notes(body: Body) -> list[str]:
 
 def used(body: Body, group: Region | NodeSet) -> bool:
     """Whether a pin or a load names a region or a set."""
-    for part in (*body.pins, *body.loads):
-        if isinstance(part.where, InRegion) and isinstance(group, Region):
-            if group in [body.mesh.regions[k] for k in part.where.found(body.mesh)]:
-                return True
-        elif isinstance(part.where, InSet) and isinstance(group, NodeSet):
-            if group in [body.mesh.sets[k] for k in part.where.found(body.mesh)]:
-                return True
-    return False
-
-
-def named(group: Region | NodeSet) -> str:
-    """ "soft" (1), or 7 where the number is all there is."""
-    if group.tag is not None and str(group.tag) == group.name:
-        return group.name
-    return f'"{group.name}"' + (f" ({group.tag})" if group.tag is not None else "")
+    rules = [pin.where for pin in body.pins] + [load.where for load in body.loads]
+    mesh = body.mesh
+    chosen: list[Region | NodeSet] = []
+    for rule in rules:
+        if isinstance(rule, InRegion):
+            chosen += [mesh.regions[k] for k in rule.found(mesh)]
+        elif isinstance(rule, InSet):
+            chosen += [mesh.sets[k] for k in rule.found(mesh)]
+    return group in chosen
 
 
 def _count(number: int, what: str) -> str:

@@ -14,6 +14,7 @@ from tisoft.check.limiting import damping_cost, limiting_element, metres
 from tisoft.check.meshes import mesh_notes, used
 from tisoft.check.warnings import warnings_of
 from tisoft.geometry.bracing import mechanism, missing_springs, moving_nodes
+from tisoft.geometry.groups import Region
 from tisoft.geometry.mesh import TetMesh
 from tisoft.geometry.quality import altitudes, quality
 from tisoft.geometry.rigidity import Rigidity, rigidity
@@ -77,15 +78,7 @@ def mesh_report(body: Body) -> dict[str, Any]:
         "worst_element": None,
         "size": np.ptp(mesh.points, axis=0).tolist(),
         "notes": list(mesh.notes),
-        "regions": [
-            {
-                "name": region.name,
-                "tag": region.tag,
-                "elements": len(region.tets),
-                "volume": float(mesh.volumes[region.tets].sum()),
-            }
-            for region in (mesh.regions if isinstance(mesh, TetMesh) else ())
-        ],
+        "regions": [],
         "sets": [
             {
                 "name": group.name,
@@ -102,6 +95,7 @@ def mesh_report(body: Body) -> dict[str, Any]:
         worst = int(np.argmin(shape))
         found |= {
             "volume": float(mesh.volumes.sum()),
+            "regions": [_region(mesh, region) for region in mesh.regions],
             "worst_quality": float(shape[worst]),
             "worst_element": worst,
             "median_altitude": float(np.median(altitudes(mesh))),
@@ -197,21 +191,31 @@ def _mesh_lines(name: str, mesh: dict[str, Any], result: dict[str, Any]) -> list
     return lines
 
 
+def _region(mesh: TetMesh, region: Region) -> dict[str, Any]:
+    return {
+        "name": region.name,
+        "tag": region.tag,
+        "elements": len(region.tets),
+        "volume": float(mesh.volumes[region.tets].sum()),
+    }
+
+
 def _group_lines(mesh: dict[str, Any]) -> list[str]:
     """Regions, sets and notes of the file."""
-    lines = []
-    for region in mesh["regions"]:
-        number = "" if region["tag"] is None or str(region["tag"]) == region["name"] else f" ({region['tag']})"
-        lines.append(
-            f"  region         {region['name']}{number}: {region['elements']} tets, "
-            f"{region['volume']:.4g} m³"
-        )
+    lines = [
+        f"  region         {_title(region)}: {region['elements']} tets, {region['volume']:.4g} m³"
+        for region in mesh["regions"]
+    ]
     for group in mesh["sets"]:
-        number = "" if group["tag"] is None or str(group["tag"]) == group["name"] else f" ({group['tag']})"
         faces = f", {group['faces']} faces" if group["faces"] else ""
         unused = "" if group["used"] else ", not used"
-        lines.append(f"  set            {group['name']}{number}: {group['nodes']} nodes{faces}{unused}")
+        lines.append(f"  set            {_title(group)}: {group['nodes']} nodes{faces}{unused}")
     return lines + [f"  note           {note}" for note in mesh["notes"]]
+
+
+def _title(group: dict[str, Any]) -> str:
+    number = "" if str(group["tag"]) == group["name"] else f" ({group['tag']})"
+    return group["name"] + ("" if group["tag"] is None else number)
 
 
 def seconds(time: float) -> str:

@@ -33,21 +33,25 @@ class NodeSet:
     """Triangles by rows of `mesh.points`, shape (faces, 3); none where the file gives nodes."""
 
 
-def named(groups: Sequence[Region] | Sequence[NodeSet], wanted: str | int) -> list[int]:
-    """Places of the groups that a user means: by name, else without heed of case, else by number."""
+Group = Region | NodeSet
+
+
+def named(groups: Sequence[Group], wanted: str | float) -> list[int]:
+    """Places of the groups that a user means: by name, else in any case, else by number."""
     text = str(wanted).strip()
     exact = [k for k, group in enumerate(groups) if group.name == text]
     loose = [k for k, group in enumerate(groups) if group.name.lower() == text.lower()]
-    numbered = [k for k, group in enumerate(groups) if group.tag is not None and str(group.tag) == text]
+    numbered = [k for k, group in enumerate(groups) if str(group.tag) == text]
     return exact or loose or numbered
 
 
-def listed(groups: Sequence[Region] | Sequence[NodeSet]) -> str:
-    """The groups' names, for a message: "soft" (1), "stiff" (2), 7."""
-    told = [
-        str(group.tag)
-        if str(group.tag) == group.name
-        else f'"{group.name}"' + (f" ({group.tag})" if group.tag is not None else "")
-        for group in groups[:8]
-    ]
-    return ", ".join(told + ["…"] * (len(groups) > 8))
+def title(group: Group) -> str:
+    """ "soft" (1), or 7 where the number is all there is."""
+    if str(group.tag) == group.name:
+        return group.name
+    return f'"{group.name}"' + (f" ({group.tag})" if group.tag is not None else "")
+
+
+def listed(groups: Sequence[Group], most: int = 8) -> str:
+    """The titles of the first groups: "soft" (1), "stiff" (2), 7."""
+    return ", ".join([title(group) for group in groups[:most]] + ["…"] * (len(groups) > most))

@@ -157,7 +157,9 @@ def _lies_on(points: Floats, corners: Floats, longest: Floats) -> NDArray[np.boo
     height = np.abs(np.einsum("ij,ij->i", p, normal)) / np.sqrt(square)
     u = np.einsum("ij,ij->i", np.cross(p, b), normal) / square
     v = np.einsum("ij,ij->i", np.cross(a, p), normal) / square
-    return (height <= ON_A_FACE * longest) & (np.minimum(np.minimum(u, v), 1.0 - u - v) >= -ON_A_FACE)
+    return (height <= ON_A_FACE * longest) & (
+        np.minimum(np.minimum(u, v), 1.0 - u - v) >= -ON_A_FACE
+    )
 
 
 def _hinges(tets: Ints, boundary: Ints, pairs: Ints) -> Ints:
@@ -185,7 +187,8 @@ def _hinges(tets: Ints, boundary: Ints, pairs: Ints) -> Ints:
         ends.append(np.stack([place[both[0]], place[both[1]]], axis=1))
     joined = np.concatenate(ends).astype(np.int32)
     graph = coo_array(
-        (np.ones(len(joined), np.int8), (joined[:, 0], joined[:, 1])), shape=(len(slots), len(slots))
+        (np.ones(len(joined), np.int8), (joined[:, 0], joined[:, 1])),
+        shape=(len(slots), len(slots)),
     )
     _, labels = connected_components(graph, directed=False)
     node_of = tets.ravel()[slots]

@@ -33,16 +33,19 @@ def merged(mesh: TetMesh | SpringNet, distance: float | None = None) -> TetMesh 
     row_of = np.full(len(first), -1)
     row_of[made.kept_nodes] = np.arange(len(made.kept_nodes))
     joined = np.stack([mesh.kept_nodes[gone], row_of[first[gone]]], axis=1)
-    return replace(
+    made = replace(
         made,
         kept_nodes=mesh.kept_nodes[made.kept_nodes],
         dropped_nodes=mesh.dropped_nodes,
         sets=tuple(_moved(group, row_of[first]) for group in mesh.sets),
         warnings=mesh.warnings,
         notes=(*mesh.notes, f"{len(gone)} nodes merged into others in the same place"),
+        questions=mesh.questions,
         joined=joined,
-        **({"regions": mesh.regions, "turned": mesh.turned} if isinstance(mesh, TetMesh) else {}),
     )
+    if isinstance(mesh, TetMesh) and isinstance(made, TetMesh):
+        return replace(made, regions=mesh.regions, turned=mesh.turned, checked=True)
+    return made
 
 
 def _pairs(mesh: TetMesh | SpringNet, cells: NDArray[np.int32], distance: float | None) -> Ints:

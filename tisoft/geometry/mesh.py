@@ -199,7 +199,7 @@ def tet_mesh(points: ArrayLike, tets: ArrayLike) -> TetMesh:
     turned = check_tets(nodes, corners)
     corners[turned] = corners[turned][:, [0, 1, 3, 2]]
     dropped = len(np.asarray(points)) - len(nodes)
-    backward = np.flatnonzero(turned)
+    backward = np.flatnonzero(turned).astype(np.int32)
     return TetMesh(nodes, corners, kept, backward, dropped, checked=True)
 
 

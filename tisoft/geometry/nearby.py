@@ -64,6 +64,8 @@ def _expanded(first: Ints, count: Ints) -> Iterator[tuple[Ints, Ints]]:
         stop = max(start + 1, int(np.searchsorted(ends, done + CHUNK)))
         mine = rows[start:stop]
         owner = np.repeat(mine, count[mine])
-        within = np.arange(len(owner)) - np.repeat(np.cumsum(count[mine]) - count[mine], count[mine])
+        within = np.arange(len(owner)) - np.repeat(
+            np.cumsum(count[mine]) - count[mine], count[mine]
+        )
         yield first[owner] + within, owner
         start = stop

@@ -41,7 +41,9 @@ def cards(path: Path, depth: int = 0) -> Iterator[Card]:
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise MeshError(f"it includes {path.name}, which cannot be read: {error.strerror}") from None
+        raise MeshError(
+            f"it includes {path.name}, which cannot be read: {error.strerror}"
+        ) from None
     for card in _cards(data):
         source = card.options.get("INPUT")
         if source is None:
@@ -127,7 +129,9 @@ def table(card: Card, width: int, *, filled: bool = False) -> NDArray[np.float64
         )
     rows = values.reshape(-1, width)
     labels = rows[:, :1] if filled else rows
-    if not (np.isfinite(labels).all() and (labels == np.rint(labels)).all() and (labels < 2**53).all()):
+    if not (
+        np.isfinite(labels).all() and (labels == np.rint(labels)).all() and (labels < 2**53).all()
+    ):
         raise MeshError(f"{where} holds a number with a point where a whole one should stand")
     return rows
 
@@ -142,7 +146,10 @@ def names_and_numbers(card: Card) -> tuple[Ints, list[str]]:
             if not given:
                 continue
             first = given[0]
-            last, step = (given[1] if len(given) > 1 else first), (given[2] if len(given) > 2 else 1)
+            last, step = (
+                (given[1] if len(given) > 1 else first),
+                (given[2] if len(given) > 2 else 1),
+            )
             if step == 0 or (last - first) // step > 10_000_000:
                 raise MeshError(f"*{card.word} in line {card.line} generates too many numbers")
             numbered += list(range(first, last + 1, step))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +49,7 @@ class Content:
 
 
 def groups_by_number(
-    numbers: NDArray[np.generic], members: Ints, names: Mapping[int, str] | None = None
+    numbers: NDArray[Any], members: Ints, names: Mapping[int, str] | None = None
 ) -> list[Group]:
     """A group for every different number, as long as those are few; `numbers` has a row a member.
 

@@ -84,7 +84,9 @@ def _by_data(content: Content, data: Any, starts: Any) -> list[Group]:
 def _kind(name: str, rows: Any) -> Kind:
     """The kind of cell that meshio calls tetra10, VTK_LAGRANGE_HEXAHEDRON and so on."""
     plain = re.sub(r"\d+$", "", name.lower().removeprefix("vtk_lagrange_"))
-    base = _BASES.get({"tetrahedron": "tetra", "curve": "line", "quadrilateral": "quad"}.get(plain, plain))
+    base = _BASES.get(
+        {"tetrahedron": "tetra", "curve": "line", "quadrilateral": "quad"}.get(plain, plain)
+    )
     width = np.shape(rows)[1] if np.ndim(rows) == 2 else 0
     if base is None or width < base.corners:
         return Kind(name, 3 if "poly" in plain and plain != "polygon" else 2, 0)

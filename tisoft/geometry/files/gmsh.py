@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tisoft.errors import MeshError
 from tisoft.geometry.files import kinds
-from tisoft.geometry.files.content import Content, Group, Ints, groups_by_number, numbered
+from tisoft.geometry.files.content import Content, Ints
+from tisoft.geometry.files.gmsh_groups import Elements, content_of
 from tisoft.geometry.files.gmsh_numbers import Binary, Text
 from tisoft.geometry.files.kinds import Kind
 
@@ -38,21 +38,6 @@ Source = Text | Binary
 _NODES = {1.0: "NOD"}
 _SECTION = re.compile(rb"^[ \t]*\$(\w+)[ \t\r]*$", re.MULTILINE)
 Marks = NDArray[np.int64]
-
-
-@dataclass
-class Elements:
-    """Elements by kind in the file's order, and the physical and elementary number of each."""
-
-    rows: dict[Kind, list[Ints]] = field(default_factory=lambda: defaultdict(list))
-    marks: dict[Kind, list[Ints]] = field(default_factory=lambda: defaultdict(list))
-    """Per element: elementary number and physical number, shape (elements, 2)."""
-
-    def add(self, kind: Kind, nodes: Ints, elementary: Ints | int, physical: Ints | int) -> None:
-        mark = np.empty((len(nodes), 2), dtype=np.int64)
-        mark[:, 0], mark[:, 1] = elementary, np.abs(physical)
-        self.rows[kind].append(nodes)
-        self.marks[kind].append(mark)
 
 
 def read_gmsh(data: bytes) -> Content:
@@ -83,7 +68,7 @@ def read_gmsh(data: bytes) -> Content:
     else:
         _block_elements(cells, elements, version)
     cells.close()
-    return _content(labels, points, elements, physicals, names)
+    return content_of(labels, points, elements, physicals, names)
 
 
 class _File:
@@ -109,7 +94,9 @@ class _File:
         if found[2] == b"0":
             return version, ""
         if found[3] != b"8":
-            raise MeshError(f"its numbers have {found[3].decode()} bytes; save it with 8, or as text")
+            raise MeshError(
+                f"its numbers have {found[3].decode()} bytes; save it with 8, or as text"
+            )
         one = self.data[found.end() : found.end() + 4]
         if one not in (b"\1\0\0\0", b"\0\0\0\1"):
             raise MeshError("$MeshFormat does not tell the byte order; the file is damaged")
@@ -118,7 +105,15 @@ class _File:
     def sections(self, binary: str) -> dict[str, Source]:
         """What may hold numbers, by name; others are passed over."""
         held: dict[str, Source] = {}
-        wanted = {"NOD", "ELM", "Nodes", "ParametricNodes", "Elements", "Entities", "PartitionedEntities"}
+        wanted = {
+            "NOD",
+            "ELM",
+            "Nodes",
+            "ParametricNodes",
+            "Elements",
+            "Entities",
+            "PartitionedEntities",
+        }
         place = 0
         while found := _SECTION.search(self.data, place):
             name = found[1].decode()
@@ -157,7 +152,9 @@ def _physical_names(section: Source | None) -> dict[int, dict[int, str]]:
     return names
 
 
-def _entities(section: Source, version: float, *, partitioned: bool) -> dict[tuple[int, int], list[int]]:
+def _entities(
+    section: Source, version: float, *, partitioned: bool
+) -> dict[tuple[int, int], list[int]]:
     """Physical numbers of each entity, by dimension and number."""
     found: dict[tuple[int, int], list[int]] = {}
     if partitioned:
@@ -239,14 +236,20 @@ def _plain_elements(section: Source, elements: Elements, version: float) -> None
             # Gmsh may put a head before every single element.
             alone = count == 1
             head = (number, count, tags)
-            rows = section.same(head, width, declared - done) if alone else section.table(count, width)
+            rows = (
+                section.same(head, width, declared - done) if alone else section.table(count, width)
+            )
         else:
             number, tags = section.peek(1), section.peek(4 if version == 1.0 else 2)
             kind = _known(number)
             width = 5 + kind.nodes if version == 1.0 else 3 + max(tags, 0) + kind.nodes
             if version == 1.0 and tags != kind.nodes:
-                raise MeshError(f"an element announces {tags} nodes, but a {kind.name} has {kind.nodes}")
-            rows = section.run({1: number, 4 if version == 1.0 else 2: tags}, width, declared - done)
+                raise MeshError(
+                    f"an element announces {tags} nodes, but a {kind.name} has {kind.nodes}"
+                )
+            rows = section.run(
+                {1: number, 4 if version == 1.0 else 2: tags}, width, declared - done
+            )
         first = {1.0: 2}.get(version, 1 if isinstance(section, Binary) else 3)
         marked = version == 1.0 or tags >= 1
         physical = rows[:, first] if marked else 0
@@ -276,74 +279,3 @@ def _known(number: int) -> Kind:
     if number not in KINDS:
         raise MeshError(f"Gmsh element type {number} is not known; the file is damaged, or too new")
     return KINDS[number]
-
-
-def _content(
-    labels: Ints,
-    points: NDArray[np.float64],
-    elements: Elements,
-    physicals: dict[tuple[int, int], list[int]],
-    names: dict[int, dict[int, str]],
-) -> Content:
-    content = Content(points)
-    marks: dict[int, list[tuple[Ints, Ints]]] = defaultdict(list)
-    for kind, parts in elements.rows.items():
-        rows = numbered(np.concatenate(parts), labels, kind.name)
-        mark = np.concatenate(elements.marks[kind])
-        cells = np.arange(len(rows))
-        if kind.dim == 3 and len(np.unique(mark[:, 1])) > 1:
-            rows, cells = _once(rows)
-        marks[kind.dim].append((cells + content.cells(), mark))
-        content.blocks.append((kind, rows))
-    for dim, found in marks.items():
-        members, mark = (np.concatenate(parts) for parts in zip(*found, strict=True))
-        groups = _groups(dim, members, mark, physicals, names.get(dim, {}))
-        if dim:
-            content.cell_groups += groups
-        else:
-            nodes = np.concatenate([rows.ravel() for kind, rows in content.blocks if kind.dim == 0])
-            content.node_groups += [Group(g.name, g.tag, nodes[_places(g, members)]) for g in groups]
-    return content
-
-
-def _places(group: Group, members: Ints) -> Ints:
-    return np.searchsorted(members, group.members)
-
-
-def _once(rows: Ints) -> tuple[Ints, Ints]:
-    """The rows without repeats, and where each row went.
-
-    Versions 1 and 2 repeat an element for every physical group that it belongs to.
-    """
-    ordered = np.sort(rows, axis=1)
-    order = np.lexsort(ordered.T)
-    new = np.ones(len(rows), dtype=bool)
-    new[1:] = (ordered[order[1:]] != ordered[order[:-1]]).any(axis=1)
-    if new.all():
-        return rows, np.arange(len(rows))
-    first = order[new]  # lexsort is stable: the first of equal rows
-    place = np.empty(len(rows), dtype=np.int64)
-    place[order] = np.argsort(np.argsort(first))[np.cumsum(new) - 1]
-    return rows[np.sort(first)], place
-
-
-def _groups(
-    dim: int,
-    members: Ints,
-    mark: Marks,
-    physicals: dict[tuple[int, int], list[int]],
-    names: dict[int, str],
-) -> list[Group]:
-    """Physical groups, or the geometry's entities where no element has one."""
-    entities = np.unique(mark[:, 0])
-    listed = {int(e): physicals.get((dim, int(e)), []) for e in entities[:100_000]}
-    if any(listed.values()):
-        found = []
-        for tag in sorted({tag for tags in listed.values() for tag in tags}):
-            mine = [entity for entity, tags in listed.items() if tag in tags]
-            rows = members[np.isin(mark[:, 0], mine)]
-            found.append(Group(names.get(tag, str(tag)), tag, rows))
-        return found
-    if mark[:, 1].any():
-        return groups_by_number(mark[:, 1], members, names)
-    return groups_by_number(mark[:, 0], members, {}) if dim == 3 else []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from tisoft.errors import MeshError
 from tisoft.geometry.files.text import numbers, whole
 
 Ints = NDArray[np.int64]
-Table = NDArray[np.generic]
+Table = NDArray[Any]
 
 
 class Section:
@@ -147,7 +148,8 @@ class Binary(Section):
     def __init__(self, data: bytes, place: int, name: str, order: str) -> None:
         self._data, self._place, self.name = data, place, name
         self._types = {
-            letter: np.dtype(order + kind) for letter, kind in (("i", "i4"), ("z", "u8"), ("d", "f8"))
+            letter: np.dtype(order + kind)
+            for letter, kind in (("i", "i4"), ("z", "u8"), ("d", "f8"))
         }
 
     def take(self, count: int, letter: str) -> Table:
@@ -186,7 +188,11 @@ class Binary(Section):
 
     def close(self) -> None:
         """Refuses bytes beyond the announced numbers."""
-        if not self._data[self._place : self._place + 64].lstrip().startswith(b"$End" + self.name.encode()):
+        if (
+            not self._data[self._place : self._place + 64]
+            .lstrip()
+            .startswith(b"$End" + self.name.encode())
+        ):
             raise MeshError(
                 f"${self.name} does not end after what it announces; the file is damaged"
             )

@@ -149,7 +149,9 @@ def _meshio_format(path: Path, head: bytes) -> str:
     (name, *_) = known[max(endings, key=len)]
     if name == "abaqus":  # the suffix .inp is AVS's too
         if not re.match(rb"\s*(?:#[^\n]*\n\s*)*\d+\s+\d+\s+\d+\s+\d+\s+\d+\s", head):
-            raise MeshError("it begins neither as an Abaqus nor as an AVS file; it may be cut short")
+            raise MeshError(
+                "it begins neither as an Abaqus nor as an AVS file; it may be cut short"
+            )
         return "avsucd"
     if path.suffix.lower() == ".msh":
         if not head.lstrip().startswith(b"("):

@@ -36,9 +36,16 @@ def whole(values: NDArray[np.float64], where: str) -> NDArray[np.int64]:
         result = values.astype(np.int64)
     wrong = (result != values) | (np.abs(values) > 2**53)
     if wrong.any():
-        raise MeshError(f"{where} holds {values[wrong].flat[0]:g} where a whole number should stand")
+        raise MeshError(
+            f"{where} holds {values[wrong].flat[0]:g} where a whole number should stand"
+        )
     return result
 
 
 def _is_number(word: bytes) -> bool:
-    return re.fullmatch(rb"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|inf|infinity)", word.lower()) is not None
+    return (
+        re.fullmatch(
+            rb"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|inf|infinity)", word.lower()
+        )
+        is not None
+    )

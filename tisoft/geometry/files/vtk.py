@@ -6,6 +6,7 @@ Source: the VTK file formats, "Simple Legacy Formats".
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from tisoft.geometry.files.content import Content
 from tisoft.geometry.files.text import numbers, whole
 from tisoft.geometry.files.vtk_cells import add_cells
 
-Array = NDArray[np.generic]
+Array = NDArray[Any]
 
 SURFACE = (
     "it holds a surface (POLYDATA), no tets; tetrahedralise it first, with fTetWild, TetGen or "
@@ -43,7 +44,9 @@ def read_vtk(data: bytes) -> Content:
     """
     head = re.match(rb"# vtk DataFile Version[ \t]*([\d.]+)[^\n]*\n[^\n]*\n\s*(\w+)\s", data)
     if not head or head[2].upper() not in (b"ASCII", b"BINARY"):
-        raise MeshError("it should tell ASCII or BINARY in its third line; it is cut short or damaged")
+        raise MeshError(
+            "it should tell ASCII or BINARY in its third line; it is cut short or damaged"
+        )
     words = _Words(data, head.end(), binary=head[2].upper() == b"BINARY")
     grid = _Grid(words)
     while (line := words.line()) is not None:
@@ -76,7 +79,9 @@ class _Words:
 
     def next_is(self, *words: bytes) -> bool:
         """Whether the next line that holds something begins with one of the words."""
-        return bool(re.compile(rb"\s*(?:" + b"|".join(words) + rb")\b", re.I).match(self.data, self.place))
+        return bool(
+            re.compile(rb"\s*(?:" + b"|".join(words) + rb")\b", re.I).match(self.data, self.place)
+        )
 
     def array(self, count: int, kind: str, what: str) -> Array:
         """The next `count` numbers of a VTK type."""
@@ -85,13 +90,19 @@ class _Words:
             raise MeshError(f"{what} is of the type {kind!r}, which is none of VTK's")
         rest = len(self.data) - self.place
         if count < 0 or count > rest:
-            raise MeshError(f"{what} announces {count} numbers in {rest} bytes; the file is damaged")
-        return self._bytes(count, letters, what) if self.binary else self._text(count, letters, what)
+            raise MeshError(
+                f"{what} announces {count} numbers in {rest} bytes; the file is damaged"
+            )
+        return (
+            self._bytes(count, letters, what) if self.binary else self._text(count, letters, what)
+        )
 
     def _bytes(self, count: int, letters: str, what: str) -> Array:
         kind = np.dtype(">" + letters)
         if self.place + count * kind.itemsize > len(self.data):
-            raise MeshError(f"{what} announces {count} numbers, but the file ends before; it is cut short")
+            raise MeshError(
+                f"{what} announces {count} numbers, but the file ends before; it is cut short"
+            )
         values = np.frombuffer(self.data, kind, count, self.place)
         self.place += count * kind.itemsize
         return values.astype(kind.newbyteorder("="))
@@ -158,7 +169,11 @@ class _Grid:
 
     def content(self) -> Content:
         """The grid; raises MeshError where a section is missing or counts contradict."""
-        for name, found in (("POINTS", self._points), ("CELLS", self._cells), ("CELL_TYPES", self._types)):
+        for name, found in (
+            ("POINTS", self._points),
+            ("CELLS", self._cells),
+            ("CELL_TYPES", self._types),
+        ):
             if found is None:
                 raise MeshError(f"it has no {name}; the file is cut short")
         assert self._points is not None and self._cells is not None and self._types is not None
@@ -234,7 +249,11 @@ class _Grid:
 
 def _split(table: Array, count: int) -> tuple[Array, Array]:
     """Ends and nodes of cells written as "nodes-of-this-cell node node …"."""
-    if count and len(table) % count == 0 and (table[:: len(table) // count] == len(table) // count - 1).all():
+    if (
+        count
+        and len(table) % count == 0
+        and (table[:: len(table) // count] == len(table) // count - 1).all()
+    ):
         width = len(table) // count  # all cells of one size
         nodes = table.reshape(count, width)[:, 1:].ravel()
         return (width - 1) * np.arange(1, count + 1), nodes

@@ -6,6 +6,7 @@ Source: the VTK file formats, and vtkCellType.h.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,7 +76,15 @@ REGION_ARRAYS = (
     "scalars", "cell_scalars", "gmsh:geometrical",
 )  # fmt: skip
 """Usual names of cell arrays that number regions, in the order in which they are believed."""
-_NO_REGIONS = ("vtkoriginal", "vtkghost", "globalid", "global_id", "pedigree", "originalid", "cellid")
+_NO_REGIONS = (
+    "vtkoriginal",
+    "vtkghost",
+    "globalid",
+    "global_id",
+    "pedigree",
+    "originalid",
+    "cellid",
+)
 _DUPLICATE, _HIDDEN = 1, 32
 """Bits of vtkGhostType: another piece's cell, a cell that is blanked out."""
 
@@ -85,7 +94,7 @@ def add_cells(
     connectivity: Ints,
     ends: Ints,
     types: Ints,
-    arrays: Mapping[str, NDArray[np.generic]],
+    arrays: Mapping[str, NDArray[Any]],
 ) -> None:
     """Adds the cells of one piece, whose points are the last of `content`, by kinds.
 
@@ -134,7 +143,7 @@ def _rows(kind: Kind, chosen: Ints, sizes: Ints, ends: Ints, connectivity: Ints)
     return rows[:, _IN_ROWS[kind]] if kind in _IN_ROWS else rows
 
 
-def _ghosts(arrays: Mapping[str, NDArray[np.generic]], cells: int) -> NDArray[np.bool_]:
+def _ghosts(arrays: Mapping[str, NDArray[Any]], cells: int) -> NDArray[np.bool_]:
     for name, values in arrays.items():
         if len(values) == cells and values.ndim == 1 and values.dtype.kind in "iu":
             if name.lower() == "vtkghosttype":
@@ -145,10 +154,12 @@ def _ghosts(arrays: Mapping[str, NDArray[np.generic]], cells: int) -> NDArray[np
 
 
 def _add_regions(
-    content: Content, arrays: Mapping[str, NDArray[np.generic]], order: Ints, types: Ints
+    content: Content, arrays: Mapping[str, NDArray[Any]], order: Ints, types: Ints
 ) -> None:
     """Regions of the cell array that most likely numbers them; other such arrays are told."""
-    solid = np.isin(types, [number for number, kind in KINDS.items() if kind.dim == 3]) & (order >= 0)
+    solid = np.isin(types, [number for number, kind in KINDS.items() if kind.dim == 3]) & (
+        order >= 0
+    )
     counted = {
         name: values
         for name, values in arrays.items()
@@ -162,12 +173,10 @@ def _add_regions(
     content.cell_groups += groups_by_number(counted[names[0]][kept], order[kept])
     if len(names) > 1:
         others = ", ".join(f'"{name}"' for name in names[1:5])
-        content.notes.append(
-            f'cells by the array "{names[0]}"; {others} are not used as regions'
-        )
+        content.notes.append(f'cells by the array "{names[0]}"; {others} are not used as regions')
 
 
-def _numbers_regions(name: str, values: NDArray[np.generic]) -> bool:
+def _numbers_regions(name: str, values: NDArray[Any]) -> bool:
     """Whether whole numbers, few and more than one, stand at the solids."""
     if any(word in name.lower().replace(" ", "") for word in _NO_REGIONS) or len(values) == 0:
         return False

@@ -10,6 +10,8 @@ import binascii
 import lzma
 import re
 import zlib
+from collections.abc import Callable
+from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -22,13 +24,13 @@ from tisoft.geometry.files.text import numbers, whole
 from tisoft.geometry.files.vtk import SURFACE
 from tisoft.geometry.files.vtk_cells import add_cells
 
-Array = NDArray[np.generic]
+Array = NDArray[Any]
 
 _TYPES = {
     "Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2", "Int32": "i4", "UInt32": "u4",
     "Int64": "i8", "UInt64": "u8", "Float32": "f4", "Float64": "f8",
 }  # fmt: skip
-_COMPRESSORS = {
+_COMPRESSORS: dict[str, Callable[[], Any]] = {
     "vtkZLibDataCompressor": zlib.decompressobj,
     "vtkLZMADataCompressor": lzma.LZMADecompressor,
 }
@@ -74,7 +76,9 @@ def _add_piece(content: Content, file: _File, piece: Element) -> None:
     connectivity = file.array(found["connectivity"]).astype(np.int64)
     wrong = connectivity[(connectivity < 0) | (connectivity >= nodes)]
     if len(wrong):
-        raise MeshError(f"a cell uses node {wrong[0]} (counted from 0), but there are {nodes} nodes")
+        raise MeshError(
+            f"a cell uses node {wrong[0]} (counted from 0), but there are {nodes} nodes"
+        )
     add_cells(content, connectivity + first, ends, types, _cell_arrays(file, piece, cells))
 
 
@@ -106,7 +110,9 @@ class _File:
         try:
             self.root = ElementTree.fromstring(data)
         except (ElementTree.ParseError, ValueError, LookupError) as error:
-            raise MeshError(f"it is no whole XML ({error}); the file is cut short or damaged") from None
+            raise MeshError(
+                f"it is no whole XML ({error}); the file is cut short or damaged"
+            ) from None
         self._order = ">" if self.root.get("byte_order") == "BigEndian" else "<"
         head = self.root.get("header_type", "UInt32")
         if head not in ("UInt32", "UInt64"):
@@ -119,7 +125,9 @@ class _File:
         name = tag.get("Name", "Points")
         letters = _TYPES.get(tag.get("type", ""))
         if letters is None:
-            raise MeshError(f"the array {name!r} is of type {tag.get('type')!r}, which is no number")
+            raise MeshError(
+                f"the array {name!r} is of type {tag.get('type')!r}, which is no number"
+            )
         written = tag.get("format", "ascii")
         if written == "ascii":
             values: Array = numbers((tag.text or "").encode(), f"the array {name!r}")
@@ -132,7 +140,9 @@ class _File:
                 raise MeshError(f"the array {name!r} ends within a number; the file is damaged")
             values = np.frombuffer(data, kind).astype(kind.newbyteorder("="))
         else:
-            raise MeshError(f"the array {name!r} is written as {written!r}, which VTK does not know")
+            raise MeshError(
+                f"the array {name!r} is written as {written!r}, which VTK does not know"
+            )
         if wanted is not None and len(values) != wanted:
             raise MeshError(
                 f"the array {name!r} holds {len(values)} numbers, but its piece announces {wanted}; "
@@ -146,13 +156,17 @@ class _File:
                 return self._decoded("".join((tag.text or "").split()).encode(), name)
             place = int(tag.get("offset", ""))
             if not 0 <= place < len(self._appended):
-                raise MeshError(f"the array {name!r} begins beyond the appended data; it is cut short")
+                raise MeshError(
+                    f"the array {name!r} begins beyond the appended data; it is cut short"
+                )
             if self._encoding == "base64":
                 return self._decoded(self._appended[place:], name)
             return self._unpacked(self._appended[place:], name)
         except (ValueError, zlib.error, lzma.LZMAError, EOFError) as error:
             told = str(error).split("\n")[0]
-            raise MeshError(f"the array {name!r} cannot be decoded ({told}); the file is damaged") from None
+            raise MeshError(
+                f"the array {name!r} cannot be decoded ({told}); the file is damaged"
+            ) from None
 
     def _decoded(self, text: bytes, name: str) -> bytes:
         """Base64: a head, then data, either in one stream or each ended by its own padding."""
@@ -184,7 +198,9 @@ class _File:
             )
         blocks = int(np.frombuffer(data[:size], self._head)[0])
         self._check(blocks * size, name)
-        head = np.frombuffer(self._part(data, 0, (3 + blocks) * size, name), self._head).astype(np.int64)
+        head = np.frombuffer(self._part(data, 0, (3 + blocks) * size, name), self._head).astype(
+            np.int64
+        )
         place, parts = (3 + blocks) * size, []
         for packed in head[3:]:
             block = self._part(data, place, int(packed), name)
@@ -193,7 +209,9 @@ class _File:
         whole_size = blocks * head[1] - (head[1] - head[2] if head[2] else 0)
         unpacked = b"".join(parts)
         if len(unpacked) != whole_size:
-            raise MeshError(f"the array {name!r} unpacks to {len(unpacked)} bytes, not {whole_size}")
+            raise MeshError(
+                f"the array {name!r} unpacks to {len(unpacked)} bytes, not {whole_size}"
+            )
         return unpacked
 
     def _part(self, data: bytes, place: int, size: int, name: str) -> bytes:
