@@ -96,7 +96,7 @@ class Body:
         return picked
 
     def faces(self, where: Selection) -> NDArray[np.int64]:
-        """Rows of `mesh.surface` all of whose nodes are selected, or the faces of a set of faces."""
+        """Rows of `mesh.surface` all of whose nodes are selected, or a set's own faces."""
         if isinstance(where, InSet):
             with inside("where"):
                 own = where.faces_in(self.mesh)

@@ -31,7 +31,8 @@ _CLASSES: dict[str, Any] = {
     cls.__name__ if module == "" else f"{module}.{cls.__name__}": cls
     for module, classes in {
         "": (
-            scene.Scene, Body, TetMesh, SpringNet, groups.Region, groups.NodeSet, pins.Pin, pins.Turn, loads.Load, loads.Torque,
+            scene.Scene, Body, TetMesh, SpringNet, groups.Region, groups.NodeSet,
+            pins.Pin, pins.Turn, loads.Load, loads.Torque,
             scene_parts.Plane, scene_parts.Sphere, scene_parts.Box, scene_parts.Probe,
             scene_parts.Camera, scene_parts.Render, *materials.MODELS.values(),
         ),

@@ -49,14 +49,14 @@ def _of_joints(mesh: TetMesh, joints: Joints) -> Iterator[str]:
     if len(joints.hanging) or joints.lying:
         node = f", as node {_numbered(mesh, joints.hanging[0])}" if len(joints.hanging) else ""
         yield (
-            f"has faces that lie on each other and are not joined: {len(joints.hanging)} nodes lie on "
-            f"faces or edges of other tets{node}, and {joints.lying} faces on others of another "
+            f"has faces that lie on each other and are not joined: {len(joints.hanging)} nodes lie "
+            f"on faces or edges of other tets{node}, and {joints.lying} faces on others of another "
             "triangulation; the body comes apart there, so mesh both sides alike"
         )
     elif len(joints.hinges):
         yield (
-            f"hangs together by an edge or a node alone at {_count(len(joints.hinges), 'node')}, as "
-            f"node {_numbered(mesh, joints.hinges[0])}: it turns there as on a hinge; "
+            f"hangs together by an edge or a node alone at {_count(len(joints.hinges), 'node')}, "
+            f"as node {_numbered(mesh, joints.hinges[0])}: it turns there as on a hinge; "
             "join the tets by faces"
         )
     if len(joints.folded):
@@ -76,8 +76,8 @@ def _coincident(mesh: Mesh, pairs: Ints) -> str | None:
     place = ", ".join(f"{x:.6g}" for x in mesh.points[pairs[0, 0]])
     verb = "pair of nodes lies" if len(pairs) == 1 else "pairs of nodes lie"
     return (
-        f"may come apart: {len(pairs)} {verb} in the same place (as nodes {a} and {b} at ({place})) "
-        "and nothing joins them; merge = true in [body.mesh] makes one node of each"
+        f"may come apart: {len(pairs)} {verb} in the same place (as nodes {a} and {b} at "
+        f"({place})) and nothing joins them; merge = true in [body.mesh] makes one node of each"
     )
 
 
@@ -92,8 +92,9 @@ def _folded(mesh: TetMesh, folded: Ints) -> str:
     shown = ", ".join(str(tet) for tet in folded[:5]) + (", …" if len(folded) > 5 else "")
     many = f"tet {shown} is" if len(folded) == 1 else f"tets {shown} ({len(folded)}) are"
     return (
-        f"overlaps itself: {many} folded over their neighbours; the tets add up to {total:.6g} m³, the "
-        f"surface encloses {enclosed:.6g} m³, and mass and stiffness are wrong there; mend the mesh"
+        f"overlaps itself: {many} folded over their neighbours; the tets add up to {total:.6g} m³, "
+        f"the surface encloses {enclosed:.6g} m³, and mass and stiffness are wrong there; "
+        "mend the mesh"
     )
 
 
@@ -105,8 +106,8 @@ def _of_regions(body: Body, mesh: TetMesh) -> Iterator[str]:
     )
     more = ", …" if len(mesh.regions) > 6 else ""
     yield (
-        f"has {len(mesh.regions)} regions in its file ({counted}{more}), and one material is used for "
-        "all of them"
+        f"has {len(mesh.regions)} regions in its file ({counted}{more}), and one material is used "
+        "for all of them"
     )
 
 
@@ -135,8 +136,8 @@ def mesh_notes(body: Body) -> list[str]:
     unused = [group for group in mesh.sets if not used(body, group)]
     if unused:
         found.append(
-            f"{name} has {_count(len(unused), 'set')} in its file that no pin or load uses: {listed(unused, 6)}; "
-            "where = { set = … } selects one"
+            f"{name} has {_count(len(unused), 'set')} in its file that no pin or load uses: "
+            f"{listed(unused, 6)}; where = {{ set = … }} selects one"
         )
     return found
 

@@ -47,7 +47,7 @@ class Joints:
 
 
 def joints_of(points: Floats, tets: NDArray[np.int32], turned: NDArray[np.int32]) -> Joints:
-    """Looks at a mesh of tets with positive volumes, of which the file has `turned` the other way."""
+    """Looks at a mesh of tets with positive volumes, `turned` the other way in its file."""
     coincident = coincident_nodes(points, tets)
     first = merged_into(coincident, len(points))
     merged = first[tets]
@@ -214,7 +214,7 @@ def _folded(tets: Ints, pairs: Ints, crowded: Ints, turned: NDArray[np.int32]) -
 
 
 def _doubled(points: Floats, tets: NDArray[np.int32], folded: Ints) -> Ints:
-    """Tets with the centre of another, or a node, inside; of a large mesh a sample is looked for."""
+    """Tets with the centre of another, or a node, inside; a large mesh is sampled."""
     random = np.random.default_rng(0)
     chosen = np.arange(len(tets))
     nodes = np.arange(len(points))

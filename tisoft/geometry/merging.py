@@ -63,8 +63,8 @@ def _checked(mesh: TetMesh, rows: Ints, distance: float | None) -> TetMesh:
     told = "" if distance is None else f" within {distance:g} m"
     if flat.any():
         raise MeshError(
-            f"merging nodes{told} joins corners of tet {int(np.flatnonzero(flat)[0])} (counted from "
-            "0); give a distance below its shortest edge"
+            f"merging nodes{told} joins corners of tet {int(np.flatnonzero(flat)[0])} (counted "
+            "from 0); give a distance below its shortest edge"
         )
     made = tet_mesh(mesh.points, rows)
     if len(made.turned):

@@ -1,4 +1,4 @@
-"""Which points lie in which boxes: a grid for every size of box, so that graded meshes cost no more.
+"""Which points lie in which boxes: a grid for every size of box, for graded meshes.
 
 A box is entered once, in the cell of its low corner; cells are at least as large as the boxes of
 their size, so that a point finds all that may hold it in its own cell and the 7 below it.
@@ -20,7 +20,7 @@ _BELOW = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 
 
 def points_in_boxes(points: Floats, low: Floats, high: Floats) -> Iterator[tuple[Ints, Ints]]:
-    """Pairs (box, point) with low <= point <= high, in chunks; `low` and `high` have a row a box."""
+    """Pairs (box, point) with low <= point <= high, in chunks; `low` and `high` by box."""
     if not len(points) or not len(low):
         return
     origin = np.minimum(points.min(axis=0), low.min(axis=0))

@@ -26,7 +26,8 @@ _GENERATING = {
 _JOINING = {
     "TIE", "EQUATION", "MPC", "COUPLING", "KINEMATIC COUPLING", "DISTRIBUTING COUPLING",
     "RIGID BODY", "EMBEDDED ELEMENT", "SHELL TO SOLID COUPLING", "FASTENER", "BOUNDARY", "CLOAD",
-    "DLOAD", "DSLOAD", "INITIAL CONDITIONS", "CONTACT PAIR", "CONTACT", "AMPLITUDE", "PRE-TENSION SECTION",
+    "DLOAD", "DSLOAD", "INITIAL CONDITIONS", "CONTACT PAIR", "CONTACT", "AMPLITUDE",
+    "PRE-TENSION SECTION",
 }  # fmt: skip
 """Keywords whose effect is lost where they are not taken over."""
 
@@ -73,8 +74,8 @@ class _Model:
             self._scope.surfaces.setdefault(options.get("NAME", ""), []).append(card)
         elif word in _GENERATING:
             raise MeshError(
-                f"line {card.line}: *{word} makes or places nodes and elements by rule, which is not "
-                "read; write them out (an input file of the flattened mesh)"
+                f"line {card.line}: *{word} makes or places nodes and elements by rule, which is "
+                "not read; write them out (an input file of the flattened mesh)"
             )
         elif word in _JOINING:
             self.ignored[word] += 1

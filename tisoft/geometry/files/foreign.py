@@ -16,7 +16,7 @@ from tisoft.geometry.files.quiet import guarded, no_surprises
 
 _COMPRESSED = (".gz", ".h5", ".h5m", ".med", ".cgns", ".hmf", ".e", ".exo", ".ex2", ".xdmf", ".xmf")
 # Readers that wait for ever at the end of a file that is cut short; whether they read bytes.
-_WAITING = {"ansys": True, "mdpa": True, "nastran": False, "tecplot": False}
+_WAITING = {"ansys": True, "mdpa": True, "tecplot": False}
 
 _BASES = {
     "vertex": kinds.VERTEX, "line": kinds.LINE, "triangle": kinds.TRIANGLE, "quad": kinds.QUAD,
@@ -58,8 +58,11 @@ def _content(mesh: Any) -> Content:
             content.cell_groups = _by_data(content, mesh.cell_data[name], starts)
             break
     for name, parts in mesh.cell_sets.items():
-        rows = [start + np.asarray(p, np.int64).ravel() for start, p in zip(starts, parts, strict=False)
-                if p is not None and np.size(p)]  # fmt: skip
+        rows = [
+            start + np.asarray(part, np.int64).ravel()
+            for start, part in zip(starts, parts, strict=False)
+            if part is not None and np.size(part)
+        ]
         if rows:
             content.cell_groups.append(Group(str(name), None, np.concatenate(rows)))
     for name, nodes in mesh.point_sets.items():

@@ -42,8 +42,8 @@ def no_surprises(path: Path) -> Iterator[None]:
     except (SystemExit, Exception) as error:
         reason = _first_sentence(printed.getvalue(), error)
         raise MeshError(
-            f"meshio, which reads this format, cannot read it ({reason}): it is damaged, or holds what "
-            "meshio does not know; try it as Gmsh, VTU or Abaqus file"
+            f"meshio, which reads this format, cannot read it ({reason}): it is damaged, or holds "
+            "what meshio does not know; try it as Gmsh, VTU or Abaqus file"
         ) from error
 
 

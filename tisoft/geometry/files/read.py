@@ -13,7 +13,9 @@ from tisoft.geometry.files.abaqus import read_abaqus
 from tisoft.geometry.files.content import Content
 from tisoft.geometry.files.foreign import read_foreign
 from tisoft.geometry.files.gmsh import read_gmsh
+from tisoft.geometry.files.medit import read_medit
 from tisoft.geometry.files.mesh_of import REMEDY, mesh_of
+from tisoft.geometry.files.nastran import read_nastran
 from tisoft.geometry.files.tetgen import read_tetgen
 from tisoft.geometry.files.vtk import read_vtk
 from tisoft.geometry.files.vtu import read_vtu
@@ -25,8 +27,7 @@ _SIGNS: tuple[tuple[str, bytes], ...] = (
     ("vtk", rb"# vtk DataFile"),
     ("vtu", rb"(?s)\s*(?:<\?xml.*?\?>)?\s*(?:<!--.*?-->\s*)*<VTKFile\b"),
     ("gmsh", rb"(?s).*?^\s*\$(?:MeshFormat|NOD|NOE|Comments|PhysicalNames)\b"),
-    ("abaqus", rb"\s*(?:\*\*[^\n]*\n\s*)*\*(?:HEADING|NODE|ELEMENT|PART|ASSEMBLY|INCLUDE|PREPRINT|"
-               rb"NSET|ELSET|PARAMETER|MATERIAL)\b"),
+    ("abaqus", rb"\s*(?:\*\*[^\n]*\n\s*)*\*(?!KEYWORD)[A-Za-z]"),
     ("dolfin-xml", rb"(?s)\s*(?:<\?xml.*?\?>)?\s*<dolfin\b"),
     ("xdmf", rb"(?s)\s*(?:<\?xml.*?\?>)?\s*(?:<!DOCTYPE.*?>)?\s*<Xdmf\b"),
     ("medit", rb"\s*(?:#[^\n]*\n\s*)*MeshVersionFormatted\b"),
@@ -102,6 +103,10 @@ def _content(path: Path) -> Content:
             return read_abaqus(path)
         if name == "tetgen":
             return read_tetgen(path)
+        if name == "medit" and b"MeshVersionFormatted" in _head(path):
+            return read_medit(path.read_bytes())
+        if name == "nastran":
+            return read_nastran(path.read_bytes())
     except OSError as error:
         raise MeshError(f"the file cannot be read: {error.strerror}") from None
     except _FAULTS as error:  # a number or word in a place that no file of this format has it in
@@ -112,8 +117,7 @@ def _content(path: Path) -> Content:
 
 def _format(path: Path) -> str:
     """The format's name: of the first bytes, else of the suffix."""
-    with path.open("rb") as file:
-        head = file.read(4096).removeprefix(b"\xef\xbb\xbf")
+    head = _head(path)
     for name, words in _SIGNS:
         if re.compile(words, re.MULTILINE | re.IGNORECASE).match(head):
             return name
@@ -133,6 +137,11 @@ def _format(path: Path) -> str:
     if suffix in _SUFFIXES:
         raise MeshError(f"this is no {_SUFFIXES[suffix].upper()} file, or its beginning is missing")
     return _meshio_format(path, head)
+
+
+def _head(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(4096).removeprefix(b"\xef\xbb\xbf")
 
 
 def _meshio_format(path: Path, head: bytes) -> str:

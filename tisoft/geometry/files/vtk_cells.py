@@ -72,7 +72,8 @@ REGION_ARRAYS = (
     "gmsh:physical", "medit:ref", "cell_tags", "materialids", "materialid", "material_id",
     "material", "materials", "mat", "region", "regions", "regionid", "region_id", "physical",
     "physicalids", "subdomain", "subdomains", "domain", "elset", "group", "groupid", "label",
-    "labels", "attribute", "attributes", "cellentityids", "block_id", "tag", "tags", "part", "partid",
+    "labels", "attribute", "attributes", "cellentityids", "block_id", "tag", "tags", "part",
+    "partid",
     "scalars", "cell_scalars", "gmsh:geometrical",
 )  # fmt: skip
 """Usual names of cell arrays that number regions, in the order in which they are believed."""

@@ -145,12 +145,16 @@ class _File:
             )
         if wanted is not None and len(values) != wanted:
             raise MeshError(
-                f"the array {name!r} holds {len(values)} numbers, but its piece announces {wanted}; "
-                "the file is damaged"
+                f"the array {name!r} holds {len(values)} numbers, but its piece announces "
+                f"{wanted}; the file is damaged"
             )
         return values
 
     def _bytes(self, tag: Element, name: str, written: str) -> bytes:
+        if self._compressor and self._compressor not in _COMPRESSORS:
+            raise MeshError(
+                f"it is compressed by {self._compressor}; save it with zlib, or uncompressed"
+            )
         try:
             if written == "binary":
                 return self._decoded("".join((tag.text or "").split()).encode(), name)
@@ -192,10 +196,6 @@ class _File:
         if not self._compressor:
             length = int(np.frombuffer(data[:size], self._head)[0])
             return self._part(data, size, length, name)
-        if self._compressor not in _COMPRESSORS:
-            raise MeshError(
-                f"it is compressed by {self._compressor}; save it with zlib, or uncompressed"
-            )
         blocks = int(np.frombuffer(data[:size], self._head)[0])
         self._check(blocks * size, name)
         head = np.frombuffer(self._part(data, 0, (3 + blocks) * size, name), self._head).astype(
@@ -217,15 +217,16 @@ class _File:
     def _part(self, data: bytes, place: int, size: int, name: str) -> bytes:
         if not 0 <= size <= len(data) - place:
             raise MeshError(
-                f"the array {name!r} announces {size} bytes, but {max(len(data) - place, 0)} follow; "
-                "the file is cut short or damaged"
+                f"the array {name!r} announces {size} bytes, but {max(len(data) - place, 0)} "
+                "follow; the file is cut short or damaged"
             )
         return data[place : place + size]
 
     def _check(self, size: int, name: str) -> None:
         if not 0 <= size <= self._size:
             raise MeshError(
-                f"the array {name!r} announces {size} bytes in a file of {self._size}; it is damaged"
+                f"the array {name!r} announces {size} bytes in a file of {self._size}; "
+                "it is damaged"
             )
 
 
