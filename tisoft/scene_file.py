@@ -270,7 +270,7 @@ _SIMPLE: dict[str, Callable[[Any], Selection]] = {
     "nodes": where.nodes,
     "nearest": where.nearest,
     "region": where.region,
-    "set": where.in_set,
+    "set": where.named_set,
 }
 
 

@@ -242,7 +242,7 @@ def region(name: str | int) -> InRegion:
     return InRegion(name)
 
 
-def in_set(name: str | int) -> InSet:
+def named_set(name: str | int) -> InSet:
     """Nodes, or nodes of faces, that the mesh file calls by this name or number."""
     return InSet(name)
 

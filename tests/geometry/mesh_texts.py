@@ -23,7 +23,10 @@ def inp_part(name, mesh):
 
 
 def inp_assembly(*instances):
-    placed = [f"*Instance, name={name}, part={part}\n{rows}*End Instance\n" for name, part, rows in instances]
+    placed = [
+        f"*Instance, name={name}, part={part}\n{rows}*End Instance\n"
+        for name, part, rows in instances
+    ]
     return "*Assembly, name=A\n" + "".join(placed) + "*End Assembly\n"
 
 
@@ -35,7 +38,9 @@ def second_order(mesh):
     return points, np.column_stack([mesh.tets, numbers.reshape(-1, 6) + len(mesh.points)])
 
 
-def tetgen(folder, name, points, tets, *, first=1, node_head="0 0", nodes="", ele_head="0", more=""):
+def tetgen(
+    folder, name, points, tets, *, first=1, node_head="0 0", nodes="", ele_head="0", more=""
+):
     """A pair of files; `nodes` and `more` follow each row."""
     rows = [f"{k + first} {x} {y} {z} {nodes}" for k, (x, y, z) in enumerate(points)]
     (folder / f"{name}.node").write_text("\n".join([f"{len(points)} 3 {node_head}", *rows]) + "\n")

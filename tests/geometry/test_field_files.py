@@ -6,7 +6,16 @@ import zlib
 import meshio
 import numpy as np
 import pytest
-from mesh_texts import BRICK, CUBE, inp_assembly, inp_nodes, inp_part, inp_tets, second_order, tetgen
+from mesh_texts import (
+    BRICK,
+    CUBE,
+    inp_assembly,
+    inp_nodes,
+    inp_part,
+    inp_tets,
+    second_order,
+    tetgen,
+)
 
 from tisoft.errors import MeshError
 from tisoft.geometry.files import read_mesh, write_vtu
@@ -39,7 +48,9 @@ def is_pair(mesh):
 
 def test_parts_of_an_assembly_are_placed_each_with_its_own_numbers(tmp_path):
     placed = inp_assembly(("c", "cube", ""), ("b", "BRICK", " .15, 0., 0.\n"))
-    is_pair(read_mesh(text(tmp_path, "a.inp", "*Heading\n title, with commas\n" + TWO_PARTS + placed)))
+    is_pair(
+        read_mesh(text(tmp_path, "a.inp", "*Heading\n title, with commas\n" + TWO_PARTS + placed))
+    )
 
 
 def test_nodes_may_come_in_several_blocks_and_between_elements(tmp_path):
@@ -77,10 +88,19 @@ def test_a_part_may_be_placed_twice_and_one_not_at_all(tmp_path):
         ("*Node, system=C\n1, 1, 0, 0\n", "SYSTEM=C"),
         ("*Node\n1,0,0,0\n*Ngen\n1, 5, 1\n", r"\*NGEN makes or places nodes"),
         ("*Instance, name=a, library=old\n", "instance 'a' is of a library"),
-        ("*Part, name=b\n*End Part\n*Instance, name=a, part=c\n", "part 'c', which the file does not"),
-        ("*Node\n1,0,0,0\n1,1,0,0\n*Element, type=C3D4\n1, 1,2,3,4\n", "given twice, in two places"),
+        (
+            "*Part, name=b\n*End Part\n*Instance, name=a, part=c\n",
+            "part 'c', which the file does not",
+        ),
+        (
+            "*Node\n1,0,0,0\n1,1,0,0\n*Element, type=C3D4\n1, 1,2,3,4\n",
+            "given twice, in two places",
+        ),
         ("*Node\n1,0,0,0\n*Element, type=C3D4\n1, 1,2,3\n", "no rows of 5"),
-        ("*Node\n1,0,0,0\n*Element, type=C3D4\n1, 1,2,3,4\n", "uses node 2, which the file does not"),
+        (
+            "*Node\n1,0,0,0\n*Element, type=C3D4\n1, 1,2,3,4\n",
+            "uses node 2, which the file does not",
+        ),
         ("*Include, input=none.inp\n", "includes none.inp, which cannot be read"),
         ("*Node\n1, 0, 0, 0\n2, 1, 0, 0\n*Element, type=B31\n1, 1, 2\n", "1 elements of type B31"),
     ],
@@ -181,7 +201,14 @@ def test_solids_of_all_kinds_are_cut_so_that_neighbours_agree(tmp_path):
     points = np.concatenate([corner + [0, 0, z] for z in range(4)] + [[[0.5, 0.5, 2.5]]])
     hexahedra = np.array([[0, 1, 2, 3, 4, 5, 6, 7]])
     wedges = np.array([[4, 5, 8, 7, 6, 11], [5, 9, 8, 6, 10, 11]])
-    faces = [[8, 11, 10, 9], [12, 13, 14, 15], [8, 9, 13, 12], [9, 10, 14, 13], [10, 11, 15, 14], [11, 8, 12, 15]]
+    faces = [
+        [8, 11, 10, 9],
+        [12, 13, 14, 15],
+        [8, 9, 13, 12],
+        [9, 10, 14, 13],
+        [10, 11, 15, 14],
+        [11, 8, 12, 15],
+    ]
     pyramids = np.array([[*face[::-1], 16] for face in faces])
     cells = [("hexahedron", hexahedra), ("wedge", wedges), ("pyramid", pyramids)]
     for seed in range(5):  # whatever the numbers of the nodes
@@ -211,7 +238,9 @@ def data_array(name, values, *, size=4, compressed=False, apart=False, component
         blocks = [data[k : k + 64] for k in range(0, len(data), 64)]
         packed = [zlib.compress(block) for block in blocks]
         sizes = [len(blocks), 64, len(data) % 64, *map(len, packed)]
-        coded = base64.b64encode(np.array(sizes, head).tobytes()) + base64.b64encode(b"".join(packed))
+        coded = base64.b64encode(np.array(sizes, head).tobytes()) + base64.b64encode(
+            b"".join(packed)
+        )
     elif apart:
         coded = base64.b64encode(np.array([len(data)], head).tobytes()) + base64.b64encode(data)
     else:
@@ -252,11 +281,23 @@ def test_vtu_data_in_base64_of_every_sort(tmp_path, size, options):
 
 @pytest.mark.parametrize("order", ["<", ">"])
 def test_raw_appended_data_need_not_be_xml(tmp_path, order):
-    arrays = [CUBE.points, CUBE.tets.astype("i8"), np.arange(4, 24, 4, dtype="i8"), np.full(5, 10, "u1")]
-    kinds = [("Float64", "Points"), ("Int64", "connectivity"), ("Int64", "offsets"), ("UInt8", "types")]
+    arrays = [
+        CUBE.points,
+        CUBE.tets.astype("i8"),
+        np.arange(4, 24, 4, dtype="i8"),
+        np.full(5, 10, "u1"),
+    ]
+    kinds = [
+        ("Float64", "Points"),
+        ("Int64", "connectivity"),
+        ("Int64", "offsets"),
+        ("UInt8", "types"),
+    ]
     data, tags = b"", []
     for values, (kind, name) in zip(arrays, kinds, strict=True):
-        tags.append(f'<DataArray type="{kind}" Name="{name}" format="appended" offset="{len(data)}"/>')
+        tags.append(
+            f'<DataArray type="{kind}" Name="{name}" format="appended" offset="{len(data)}"/>'
+        )
         swapped = values.astype(values.dtype.newbyteorder(order))
         data += np.array([swapped.nbytes], order + "u4").tobytes() + swapped.tobytes()
     head = vtu(tags).replace("LittleEndian", "LittleEndian" if order == "<" else "BigEndian")

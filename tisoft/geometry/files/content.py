@@ -42,6 +42,8 @@ class Content:
     warnings: list[str] = field(default_factory=list)
     """What changes the body if it is not known, as the rest of a sentence after "the file"."""
     notes: list[str] = field(default_factory=list)
+    regions_of: str = ""
+    """The cell array that numbers regions."""
 
     def cells(self) -> int:
         """How many cells there are."""

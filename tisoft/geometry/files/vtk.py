@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from tisoft.errors import MeshError
 from tisoft.geometry.files.content import Content
 from tisoft.geometry.files.text import numbers, whole
-from tisoft.geometry.files.vtk_cells import add_cells
+from tisoft.geometry.files.vtk_cells import add_cells, tell_unused
 
 Array = NDArray[Any]
 
@@ -130,6 +131,7 @@ class _Grid:
         self._cells: tuple[Array, Array] | None = None
         self._types: Array | None = None
         self._arrays: dict[str, Array] = {}
+        self._names: list[str] = []
         self._of_cells = False
         self._rows = 0
 
@@ -191,6 +193,7 @@ class _Grid:
                 "the file is damaged"
             )
         add_cells(content, connectivity, ends, self._types, self._arrays)
+        tell_unused(content, self._names)
         return content
 
     def _read_cells(self, line: list[str]) -> tuple[Array, Array]:
@@ -238,6 +241,7 @@ class _Grid:
         return True
 
     def _keep(self, name: str, values: Array, width: int) -> None:
+        self._names.append(unquote(name))
         if self._of_cells and width == 1:
             self._arrays[name] = values
 

@@ -157,7 +157,7 @@ def _ghosts(arrays: Mapping[str, NDArray[Any]], cells: int) -> NDArray[np.bool_]
 def _add_regions(
     content: Content, arrays: Mapping[str, NDArray[Any]], order: Ints, types: Ints
 ) -> None:
-    """Regions of the cell array that most likely numbers them; other such arrays are told."""
+    """Regions of the cell array that most likely numbers them."""
     solid = np.isin(types, [number for number, kind in KINDS.items() if kind.dim == 3]) & (
         order >= 0
     )
@@ -172,9 +172,16 @@ def _add_regions(
         return
     kept = order >= 0
     content.cell_groups += groups_by_number(counted[names[0]][kept], order[kept])
-    if len(names) > 1:
-        others = ", ".join(f'"{name}"' for name in names[1:5])
-        content.notes.append(f'cells by the array "{names[0]}"; {others} are not used as regions')
+    content.regions_of = names[0]
+
+
+def tell_unused(content: Content, names: list[str]) -> None:
+    """A note of the data that is neither regions nor needed otherwise."""
+    other = [name for name in dict.fromkeys(names) if name != content.regions_of]
+    if other:
+        listed = ", ".join(f'"{name}"' for name in other[:6]) + ", …" * (len(other) > 6)
+        note = f"data of the file that is not used: {listed}"
+        content.notes = [told for told in content.notes if told != note] + [note]
 
 
 def _numbers_regions(name: str, values: NDArray[Any]) -> bool:

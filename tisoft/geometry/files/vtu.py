@@ -22,7 +22,7 @@ from tisoft.errors import MeshError
 from tisoft.geometry.files.content import Content
 from tisoft.geometry.files.text import numbers, whole
 from tisoft.geometry.files.vtk import SURFACE
-from tisoft.geometry.files.vtk_cells import add_cells
+from tisoft.geometry.files.vtk_cells import add_cells, tell_unused
 
 Array = NDArray[Any]
 
@@ -80,6 +80,8 @@ def _add_piece(content: Content, file: _File, piece: Element) -> None:
             f"a cell uses node {wrong[0]} (counted from 0), but there are {nodes} nodes"
         )
     add_cells(content, connectivity + first, ends, types, _cell_arrays(file, piece, cells))
+    tags = [*piece.findall("PointData/DataArray"), *piece.findall("CellData/DataArray")]
+    tell_unused(content, [tag.get("Name", "") for tag in tags])
 
 
 def _cell_arrays(file: _File, piece: Element, cells: int) -> dict[str, Array]:
@@ -206,7 +208,8 @@ class _File:
             block = self._part(data, place, int(packed), name)
             parts.append(_COMPRESSORS[self._compressor]().decompress(block, int(head[1]) + 1))
             place += int(packed)
-        whole_size = blocks * head[1] - (head[1] - head[2] if head[2] else 0)
+        size, last = int(head[1]), int(head[2])
+        whole_size = blocks * size - (size - last if last else 0)
         unpacked = b"".join(parts)
         if len(unpacked) != whole_size:
             raise MeshError(
