@@ -25,7 +25,7 @@ from tisoft.geometry import groups
 from tisoft.geometry.mesh import SpringNet, TetMesh
 from tisoft.models import materials
 
-VERSION = 1
+VERSION = 2
 
 _CLASSES: dict[str, Any] = {
     cls.__name__ if module == "" else f"{module}.{cls.__name__}": cls

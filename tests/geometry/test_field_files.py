@@ -54,7 +54,7 @@ def test_parts_of_an_assembly_are_placed_each_with_its_own_numbers(tmp_path):
 
 
 def test_nodes_may_come_in_several_blocks_and_between_elements(tmp_path):
-    moved = BRICK.points + [0.15, 0, 0]
+    moved = BRICK.points + np.array([0.15, 0.0, 0.0])
     content = (
         f"*NODE\n{inp_nodes(CUBE.points)}*ELEMENT, TYPE=C3D4, ELSET=one\n{inp_tets(CUBE.tets)}"
         f"** a comment\n*Node, nset=all\n{inp_nodes(moved, 9)}"
@@ -159,7 +159,7 @@ def test_tetgens_attributes_are_regions(tmp_path):
 def test_tetgen_files_that_contradict_themselves_are_told_where(tmp_path):
     path = tetgen(tmp_path, "c", CUBE.points, CUBE.tets)
     path.write_text(path.read_text().replace("5 4", "6 4", 1))
-    with pytest.raises(MeshError, match="c.ele announces 6 rows"):
+    with pytest.raises(MeshError, match=r"c\.ele announces 6 rows"):
         read_mesh(path)
 
 
@@ -172,6 +172,7 @@ def test_second_order_tets_are_read_by_their_corners_and_told(tmp_path):
     assert told.startswith("5 10-node tets are read by their corners")
 
 
+LZ4 = "vtkLZ4DataCompressor"
 VOXELS = """# vtk DataFile Version 3.0
 voxels
 ASCII
@@ -196,9 +197,9 @@ def test_voxels_are_cut_in_tets_that_fit(tmp_path):
 
 
 def test_solids_of_all_kinds_are_cut_so_that_neighbours_agree(tmp_path):
-    """A cube as hexahedron, two wedges on it, six pyramids in the next: no face left open inside."""
+    """A hexahedron, two wedges on it, six pyramids on those: no face is left open inside."""
     corner = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
-    points = np.concatenate([corner + [0, 0, z] for z in range(4)] + [[[0.5, 0.5, 2.5]]])
+    points = np.concatenate([corner + np.array([0, 0, z]) for z in range(4)] + [[[0.5, 0.5, 2.5]]])
     hexahedra = np.array([[0, 1, 2, 3, 4, 5, 6, 7]])
     wedges = np.array([[4, 5, 8, 7, 6, 11], [5, 9, 8, 6, 10, 11]])
     faces = [
@@ -258,7 +259,8 @@ def vtu(arrays, *, size=4, compressed=False, extra=""):
     return (
         f'<?xml version="1.0"?><VTKFile type="UnstructuredGrid" byte_order="LittleEndian" '
         f'header_type="UInt{8 * size}"{more}><UnstructuredGrid>'
-        f'<Piece NumberOfPoints="8" NumberOfCells="5"><Points>{points}</Points><Cells>{"".join(cells)}'
+        f'<Piece NumberOfPoints="8" NumberOfCells="5"><Points>{points}</Points>'
+        f"<Cells>{''.join(cells)}"
         f"</Cells>{extra}</Piece></UnstructuredGrid></VTKFile>"
     )
 
@@ -308,7 +310,9 @@ def test_raw_appended_data_need_not_be_xml(tmp_path, order):
 
 
 def test_ghost_cells_of_a_piece_are_left_out(tmp_path):
-    ghost = '<CellData><DataArray type="UInt8" Name="vtkGhostType" format="ascii">0 0 0 0 1</DataArray></CellData>'
+    ghost = (
+        f"<CellData>{data_array('vtkGhostType', np.array([0, 0, 0, 0, 1], np.uint8))}</CellData>"
+    )
     mesh = read_mesh(text(tmp_path, "a.vtu", vtu(cube_arrays(), extra=ghost)))
     assert len(mesh.tets) == 4
     assert mesh.notes == ("1 ghost cells of its pieces are left out",)
@@ -335,10 +339,11 @@ def test_legacy_vtk_with_words_attributes_and_metadata_between(tmp_path):
     ("name", "content", "words"),
     [
         ("a.vtk", "# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\n", "a surface"),
-        ("a.vtk", "# vtk DataFile Version 3.0\nx\nASCII\nDATASET STRUCTURED_GRID\n", "a STRUCTURED_GRID"),
+        ("a.vtk", "# vtk DataFile Version 3.0\nx\nASCII\nDATASET STRUCTURED_GRID\n",
+         "a STRUCTURED_GRID"),
         ("a.vtu", '<VTKFile type="PUnstructuredGrid"></VTKFile>', "only lists other files"),
         ("a.vtu", '<VTKFile type="ImageData"></VTKFile>', "it holds a ImageData"),
-        ("a.vtu", vtu(cube_arrays()).replace("<VTKFile", '<VTKFile compressor="vtkLZ4DataCompressor"'),
+        ("a.vtu", vtu(cube_arrays()).replace("<VTKFile", f"<VTKFile compressor='{LZ4}'"),
          "vtkLZ4DataCompressor; save it with zlib"),
         ("a.msh", "solid x\nfacet normal 0 0 1\n", "a surface \\(STL\\)"),
         ("a.vtk", "ISO-10303-21;\nHEADER;\n", "a CAD model \\(STEP\\)"),
@@ -457,10 +462,12 @@ def test_medit_files_with_corners_and_required_vertices(tmp_path):
 
 
 NASTRAN = {
-    "small": "GRID    1               0.0     0.0     0.0\nGRID    2               1.0     0.0     0.0\n"
+    "small": "GRID    1               0.0     0.0     0.0\n"
+    "GRID    2               1.0     0.0     0.0\n"
     "GRID    3               0.0     1.0+0   0.0\nGRID    4               0.0     0.0     1.0\n"
     "CTETRA  7       5       1       2       3       4\n",
-    "free": "GRID,1,,0.,0.,0.\nGRID,2,0,1.,0.,0.\nGRID,3,,0.,1.,0.\nGRID,4,,0.,0.,10.-1\nCTETRA,7,5,1,2,3,4\n",
+    "free": "GRID,1,,0.,0.,0.\nGRID,2,0,1.,0.,0.\nGRID,3,,0.,1.,0.\nGRID,4,,0.,0.,10.-1\n"
+    "CTETRA,7,5,1,2,3,4\n",
     "large": "GRID*   1                               0.0             0.0\n*       0.0\n"
     "GRID*   2                               1.0             0.0             *A\n*A      0.0\n"
     "GRID*   3                               0.0             1.0\n*       0.0\n"

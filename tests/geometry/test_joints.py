@@ -1,4 +1,4 @@
-"""A mesh whose topology is not what its geometry shows is told; nodes in one place can be merged."""
+"""Where a mesh's topology is not what its geometry shows; nodes in one place can be merged."""
 
 import numpy as np
 import pytest
@@ -154,7 +154,7 @@ def test_merging_within_a_distance_joins_what_is_nearer_and_refuses_to_flatten_t
     assert len(mesh.joints.coincident) == 0
     again = merged(mesh, 2e-3)
     assert (again.pieces, len(again.points)) == (1, 12)
-    with pytest.raises(MeshError, match="joins corners of tet 0 .* below its shortest edge"):
+    with pytest.raises(MeshError, match=r"joins corners of tet 0 .* below its shortest edge"):
         merged(mesh, 0.11)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from tisoft.errors import MeshError
 from tisoft.geometry.files import kinds
-from tisoft.geometry.files.content import Content, Floats, groups_by_number
+from tisoft.geometry.files.content import Content, Floats, Ints, groups_by_number
 from tisoft.geometry.files.text import numbers, whole
 
 _BASES = {
@@ -29,7 +29,7 @@ def read_medit(data: bytes) -> Content:
     text = re.sub(rb"#[^\n]*", b"", data)
     words = list(_WORD.finditer(text))
     content, dim, closed = Content(np.empty((0, 3))), 3, False
-    marks: dict[int, tuple[list[Floats], list[Floats]]] = {}
+    marks: dict[int, tuple[list[Ints], list[Floats]]] = {}
     seen: set[str] = set()
     for k, found in enumerate(words):
         word = found[0].decode().lower()
@@ -47,7 +47,7 @@ def read_medit(data: bytes) -> Content:
             rows = _rows(body, 0 if cells[2] else base.nodes + 1, word.capitalize())
             kind = kinds.of_order(base, max(rows.shape[1] - 1, base.nodes))
             members, references = marks.setdefault(kind.dim, ([], []))
-            members.append(content.cells() + np.arange(len(rows)))
+            members.append((content.cells() + np.arange(len(rows))).astype(np.int64))
             references.append(rows[:, -1])
             content.blocks.append((kind, whole(rows[:, :-1], word.capitalize()) - 1))
     if "vertices" not in seen or not closed:
@@ -56,7 +56,7 @@ def read_medit(data: bytes) -> Content:
     for of_dim, (members, references) in marks.items():
         if of_dim > 1:
             content.cell_groups += groups_by_number(
-                np.concatenate(references), np.concatenate(members).astype(np.int64), {}
+                np.concatenate(references), np.concatenate(members), {}
             )
     return content
 
@@ -69,8 +69,8 @@ def _rows(text: bytes, width: int, word: str) -> Floats:
         width = max((len(values) - 1) // count, 4)
     if count < 0 or len(values) - 1 != count * width:
         raise MeshError(
-            f"{word} announces {count} rows of {width} numbers, but {max(len(values) - 1, 0)} numbers "
-            "follow; the file is cut short or damaged"
+            f"{word} announces {count} rows of {width} numbers, but {max(len(values) - 1, 0)} "
+            "numbers follow; the file is cut short or damaged"
         )
     return values[1:].reshape(count, width)
 

@@ -177,7 +177,8 @@ def _add_regions(
 
 def tell_unused(content: Content, names: list[str]) -> None:
     """A note of the data that is neither regions nor needed otherwise."""
-    other = [name for name in dict.fromkeys(names) if name != content.regions_of]
+    needed = (content.regions_of, "vtkGhostType", "vtkGhostLevels")
+    other = [name for name in dict.fromkeys(names) if name not in needed]
     if other:
         listed = ", ".join(f'"{name}"' for name in other[:6]) + ", …" * (len(other) > 6)
         note = f"data of the file that is not used: {listed}"
