@@ -461,6 +461,26 @@ def test_medit_files_with_corners_and_required_vertices(tmp_path):
         read_mesh(text(tmp_path, "b.mesh", MEDIT.replace("Tetrahedra\n2", "Tetrahedra\n3")))
 
 
+TECPLOT = (
+    """TITLE = "t"
+VARIABLES = "X" "Y" "Z"
+"""
+    + """ZONE NODES=4, ELEMENTS=1, DATAPACKING=POINT, ZONETYPE=FETETRAHEDRON
+0 0 0
+1 0 0
+0 1 0
+0 0 1
+1 2 3 4
+"""
+)
+
+
+def test_several_zones_of_a_file_are_never_read_as_one(tmp_path):
+    assert len(read_mesh(text(tmp_path, "a.tec", TECPLOT)).tets) == 1
+    with pytest.raises(MeshError, match="it holds 2 zones, of which one can be read"):
+        read_mesh(text(tmp_path, "b.tec", TECPLOT + TECPLOT.split("\n", 2)[2]))
+
+
 NASTRAN = {
     "small": "GRID    1               0.0     0.0     0.0\n"
     "GRID    2               1.0     0.0     0.0\n"

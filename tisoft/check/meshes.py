@@ -99,15 +99,16 @@ def _folded(mesh: TetMesh, folded: Ints) -> str:
 
 
 def _of_regions(body: Body, mesh: TetMesh) -> Iterator[str]:
-    if len(mesh.regions) < 2 or not isinstance(body.model, SolidModel):
+    parts = [region for region in mesh.regions if len(region.tets) < len(mesh.tets)]
+    if not parts or not isinstance(body.model, SolidModel):
         return
     counted = ", ".join(
-        f"{title(region)}: {_count(len(region.tets), 'tet')}" for region in mesh.regions[:6]
+        f"{title(region)}: {_count(len(region.tets), 'tet')}" for region in parts[:6]
     )
-    more = ", …" if len(mesh.regions) > 6 else ""
+    more = ", …" if len(parts) > 6 else ""
     yield (
-        f"has {len(mesh.regions)} regions in its file ({counted}{more}), and one material is used "
-        "for all of them"
+        f"has {_count(len(parts), 'region')} in its file ({counted}{more}), "
+        "and one material is used for all of it"
     )
 
 

@@ -204,12 +204,16 @@ def tet_mesh(points: ArrayLike, tets: ArrayLike) -> TetMesh:
 
 
 def spring_net(points: ArrayLike, edges: ArrayLike) -> SpringNet:
-    """A SpringNet of untidy input: repeated edges are merged, unused nodes dropped and counted."""
+    """A SpringNet of untidy input: repeated edges are merged, unused nodes dropped, both told."""
     rows = index_rows(edges, 2, "spring")
     check_range(rows, "spring", len(np.asarray(points)))
-    nodes, ends, kept = only_used(points, topology.unique_edges(rows), "spring")
+    unique = topology.unique_edges(rows)
+    nodes, ends, kept = only_used(points, unique, "spring")
     dropped = len(np.asarray(points)) - len(nodes)
-    return SpringNet(nodes, ends, np.empty((0, 3), np.int32), kept, dropped_nodes=dropped)
+    twice = len(rows) - len(unique)
+    told = (f"{twice} springs that join the same nodes as others count once",) if twice else ()
+    nothing = np.empty((0, 3), np.int32)
+    return SpringNet(nodes, ends, nothing, kept, dropped_nodes=dropped, warnings=told)
 
 
 def bare_net(points: ArrayLike, springs: ArrayLike, surface: ArrayLike = ()) -> SpringNet:

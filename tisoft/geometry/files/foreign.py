@@ -18,6 +18,16 @@ _COMPRESSED = (".gz", ".h5", ".h5m", ".med", ".cgns", ".hmf", ".e", ".exo", ".ex
 # Readers that wait for ever at the end of a file that is cut short; whether they read bytes.
 _WAITING = {"ansys": True, "mdpa": True, "tecplot": False}
 
+_NUMBERINGS = {
+    "tecplot": (rb"^\s*ZONE\b", "zones"),
+    "su2": (rb"^\s*IZONE\s*=", "zones"),
+    "permas": (rb"^\s*\$COOR\b", "lists of nodes"),
+    "mdpa": (rb"^\s*Begin\s+Nodes\b", "lists of nodes"),
+    "dolfin-xml": (rb"<vertices\b", "lists of nodes"),
+    "netgen": (rb"^\s*points\s*$", "lists of nodes"),
+}
+"""Where a file of the format begins to count nodes anew; meshio reads the first list, or mixes."""
+
 _BASES = {
     "vertex": kinds.VERTEX, "line": kinds.LINE, "triangle": kinds.TRIANGLE, "quad": kinds.QUAD,
     "tetra": kinds.TET, "hexahedron": kinds.HEX, "wedge": kinds.WEDGE, "pyramid": kinds.PYRAMID,
@@ -33,6 +43,7 @@ def read_foreign(path: Path, name: str) -> Content:
     """
     import meshio
 
+    _check_numberings(path, name)
     with no_surprises(path):
         if name in _WAITING:
             with guarded(path, binary=_WAITING[name]) as file:
@@ -94,6 +105,18 @@ def _kind(name: str, rows: Any) -> Kind:
     if base is None or width < base.corners:
         return Kind(name, 3 if "poly" in plain and plain != "polygon" else 2, 0)
     return kinds.of_order(base, width)
+
+
+def _check_numberings(path: Path, name: str) -> None:
+    """Refuses files that hold more than one list of nodes."""
+    if name not in _NUMBERINGS or path.suffix == ".gz":
+        return
+    begin, what = _NUMBERINGS[name]
+    count = len(re.findall(begin, path.read_bytes(), re.MULTILINE | re.IGNORECASE))
+    if count > 1:
+        raise MeshError(
+            f"it holds {count} {what}, of which one can be read; write one file for each"
+        )
 
 
 def _check_honest(path: Path, nodes: int) -> None:

@@ -65,7 +65,7 @@ def _net(content: Content, lines: Ints) -> SpringNet:
     net = spring_net(content.points, lines)
     _, marks = _cell_groups(content, np.empty(0, np.int64), content.cells())
     sets = _sets(content, marks, _rows_of(content, net))
-    told = tuple(f"the file: {told}" for told in content.warnings)
+    told = (*net.warnings, *(f"the file: {told}" for told in content.warnings))
     return replace(net, sets=tuple(sets), warnings=told, notes=tuple(content.notes))
 
 
@@ -91,7 +91,7 @@ def _solid(content: Content) -> TetMesh:
         regions=tuple(regions),
         sets=tuple(_sets(content, marks, _rows_of(content, mesh))),
         warnings=tuple(f"the file: {told}" for told in content.warnings) + tuple(_told(content)),
-        notes=tuple(content.notes),
+        notes=(*content.notes, *_beside(content)),
         checked=True,
     )
 
@@ -118,6 +118,14 @@ def _told(content: Content) -> list[str]:
             "cells they come from"
         )
     return found
+
+
+def _beside(content: Content) -> list[str]:
+    """A note of cells that are no solids."""
+    flat = [(kind, rows) for kind, rows in content.blocks if kind.dim in (1, 2) and len(rows)]
+    if not flat:
+        return []
+    return [f"{_counted(flat)} beside the solids are not simulated; they may name sets"]
 
 
 def _cell_groups(
