@@ -205,6 +205,27 @@ def test_unknown_regions_and_sets_are_told_with_those_that_there_are(tmp_path):
         assert words in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ('name = "stiff"\nyoung = 1e6', "body[0].region[0] cannot be used: regions of their own"),
+        ("tag = 2\nyoung = -1", "body[0].region[0].young = -1 must be above 0 Pa"),
+        ('name = "hard"\nyoung = 1', 'is no region of the mesh: it has "soft" (1), "stiff" (2)'),
+        ('name = "stiff"', "body[0].region[0] changes nothing"),
+        ('name = "stiff"\ntag = 2\nphi = 1', "tag = 2 and name exclude each other"),
+        ('name = "stiff"\nmass = 2', "body[0].region[0].mass = 2 is not a key"),
+    ],
+)
+def test_materials_of_regions_are_checked_and_refused_until_they_are_simulated(
+    tmp_path, keys, words
+):
+    two_materials(tmp_path)
+    path = scene(tmp_path, more=f"[[body.region]]\n{keys}\n")
+    with pytest.raises(SceneError) as caught:
+        ts.load_scene(path, ["body.0.mesh.file=beam.msh"])
+    assert words in str(caught.value)
+
+
 def test_a_set_of_faces_is_those_faces_alone(tmp_path):
     """All nodes of a corner's third face belong to the two in the set, and it is not in it."""
     tet = ts.tet_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 1, 2, 3]])

@@ -15,6 +15,7 @@ from tisoft.geometry.mesh import Mesh, SpringNet, TetMesh
 from tisoft.loads import Load, Torque
 from tisoft.models.materials import MassSpring, Model, SolidModel
 from tisoft.pins import Pin, Turn
+from tisoft.region_material import NOT_YET, RegionMaterial
 from tisoft.where import InSet, NodeNumbers, Selection, rows_in
 
 
@@ -37,6 +38,8 @@ class Body:
     spin: Vector = (0.0, 0.0, 0.0)
     pins: list[Pin] = field(default_factory=list)
     loads: list[Load] = field(default_factory=list)
+    regions: list[RegionMaterial] = field(default_factory=list)
+    """Materials of their own in regions of the mesh; refused until they are simulated."""
 
     def __post_init__(self) -> None:
         self.validate()
@@ -137,10 +140,19 @@ class Body:
                 "or mesh the body's volume with tets"
             )
             raise FieldError("model", problem)
+        self._check_regions()
         self._check_pins(self.pins)
         for i, load in enumerate(self.loads):
             with inside(f"load[{i}]"):
                 self._check_load(load)
+
+    def _check_regions(self) -> None:
+        for i, region in enumerate(self.regions):
+            with inside(f"region[{i}]"):
+                region.model(self.model)
+                region.tets(self.mesh)
+        if self.regions:
+            raise FieldError("region[0]", f"cannot be used: {NOT_YET}")
 
     def _check_springs(self, model: MassSpring) -> None:
         springs = self.springs()
