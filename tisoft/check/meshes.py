@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from tisoft.body import Body
 from tisoft.geometry import topology
 from tisoft.geometry.groups import NodeSet, Region, listed, title
-from tisoft.geometry.joints import Joints, coincident_nodes
+from tisoft.geometry.joints import Joints, coincident_nodes, enclosed_volume
 from tisoft.geometry.mesh import Mesh, TetMesh
-from tisoft.models.materials import MassSpring, SolidModel
+from tisoft.models.materials import MassSpring
 from tisoft.scene import Scene
 from tisoft.where import InRegion, InSet
 
-Ints = NDArray[np.integer]
+Ints = NDArray[np.int64]
 
 
 def mesh_warnings(scene: Scene) -> list[str]:
@@ -37,7 +37,7 @@ def _of_body(body: Body) -> Iterator[str]:
         yield f"is not just as its file has it: {told}"
     if isinstance(mesh, TetMesh):
         yield from _of_joints(mesh, mesh.joints)
-        yield from _of_regions(body, mesh)
+        yield from _of_regions(mesh)
     elif apart := _coincident(mesh, coincident_nodes(mesh.points, mesh.edges)):
         yield apart
     yield from _of_pieces(body)
@@ -64,8 +64,9 @@ def _of_joints(mesh: TetMesh, joints: Joints) -> Iterator[str]:
     if len(joints.doubled):
         yield (
             f"fills the same space twice: {_count(len(joints.doubled), 'tet')} (as tet "
-            f"{joints.doubled[0]}) hold nodes or centres of others, and mass and stiffness count "
-            "double there; cut the parts free of each other, or take one out"
+            f"{joints.doubled[0]}) hold nodes or centres of others, or share a face with two, and "
+            "mass and stiffness count double there; cut the parts free of each other, or take one "
+            "out"
         )
 
 
@@ -88,7 +89,7 @@ def _numbered(mesh: TetMesh, node: int) -> str:
 
 def _folded(mesh: TetMesh, folded: Ints) -> str:
     total = float(mesh.volumes.sum())
-    enclosed = total - 2.0 * float(mesh.volumes[folded].sum())
+    enclosed = enclosed_volume(mesh.points, mesh.tets, folded)
     shown = ", ".join(str(tet) for tet in folded[:5]) + (", …" if len(folded) > 5 else "")
     many = f"tet {shown} is" if len(folded) == 1 else f"tets {shown} ({len(folded)}) are"
     return (
@@ -98,9 +99,9 @@ def _folded(mesh: TetMesh, folded: Ints) -> str:
     )
 
 
-def _of_regions(body: Body, mesh: TetMesh) -> Iterator[str]:
+def _of_regions(mesh: TetMesh) -> Iterator[str]:
     parts = [region for region in mesh.regions if len(region.tets) < len(mesh.tets)]
-    if not parts or not isinstance(body.model, SolidModel):
+    if not parts:
         return
     counted = ", ".join(
         f"{title(region)}: {_count(len(region.tets), 'tet')}" for region in parts[:6]

@@ -43,7 +43,8 @@ class Joints:
     folded: Ints
     """Tets that lie on the same side of a face as their neighbour there."""
     doubled: Ints
-    """Tets that have another tet's centre or node inside: the same space is filled twice."""
+    """Tets that have another tet's centre or node inside, or a face with two others: the same space
+    is filled twice."""
 
 
 def joints_of(points: Floats, tets: NDArray[np.int32], turned: NDArray[np.int32]) -> Joints:
@@ -53,14 +54,14 @@ def joints_of(points: Floats, tets: NDArray[np.int32], turned: NDArray[np.int32]
     merged = first[tets]
     boundary, pairs, crowded = topology.match_faces(merged)
     hanging, lying = _on_faces(points, merged, boundary)
-    folded = _folded(merged, pairs, crowded, turned)
+    folded = _folded(merged, pairs, turned)
     return Joints(
         coincident=coincident,
         hanging=hanging,
         lying=lying,
         hinges=np.setdiff1d(_hinges(merged, boundary, pairs), coincident),
         folded=folded,
-        doubled=_doubled(points, tets, folded),
+        doubled=np.union1d(_doubled(points, tets, folded), _stacked(merged, pairs, crowded)),
     )
 
 
@@ -196,21 +197,39 @@ def _hinges(tets: Ints, boundary: Ints, pairs: Ints) -> Ints:
     return np.flatnonzero(np.bincount(groups % len(on_surface), minlength=len(on_surface)) > 1)
 
 
-def _folded(tets: Ints, pairs: Ints, crowded: Ints, turned: NDArray[np.int32]) -> Ints:
+def _folded(tets: Ints, pairs: Ints, turned: NDArray[np.int32]) -> Ints:
     """Tets on the same side of a face as their neighbour: of both, the one that its file orients
     otherwise than most.
     """
     same = topology.is_even(tets, pairs[:, 0]) == topology.is_even(tets, pairs[:, 1])
     wrong = pairs[same] // 4
-    if not len(wrong):
-        return np.unique(crowded // 4)
+    wrong = wrong[~_same_nodes(tets, wrong)]
     odd = np.zeros(len(tets), dtype=bool)
     odd[turned] = True
     if 2 * len(turned) > len(tets):
         odd = ~odd
     told = odd[wrong]
-    blamed = np.where(told.any(axis=1, keepdims=True), told, True)
-    return np.unique(np.concatenate([wrong[blamed], crowded // 4]))
+    blamed = told | ~told.any(axis=1, keepdims=True)
+    return np.unique(wrong[blamed])
+
+
+def _stacked(tets: Ints, pairs: Ints, crowded: Ints) -> Ints:
+    """Tets with a face that two others have, or with all the nodes of another."""
+    both = pairs // 4
+    return np.union1d(crowded // 4, both[_same_nodes(tets, both)])
+
+
+def _same_nodes(tets: Ints, pairs: Ints) -> NDArray[np.bool_]:
+    same = np.sort(tets[pairs[:, 0]], axis=1) == np.sort(tets[pairs[:, 1]], axis=1)
+    return np.asarray(same.all(axis=1))
+
+
+def enclosed_volume(points: Floats, tets: NDArray[np.int32], folded: Ints) -> float:
+    """Volume inside the surface [m³]: Σ x0·(x1 × x2)/6 of its faces, reversed at `folded`."""
+    slots = topology.match_faces(tets)[0]
+    corners = points[topology.faces_at(tets, slots)] - points.mean(axis=0)
+    volumes = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
+    return float(np.where(np.isin(slots // 4, folded), -volumes, volumes).sum())
 
 
 def _doubled(points: Floats, tets: NDArray[np.int32], folded: Ints) -> Ints:

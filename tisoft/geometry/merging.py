@@ -24,7 +24,7 @@ def merged(mesh: TetMesh | SpringNet, distance: float | None = None) -> TetMesh 
     first = merged_into(_pairs(mesh, cells, distance), len(mesh.points))
     gone = np.flatnonzero(first != np.arange(len(first)))
     if not len(gone):
-        return mesh
+        return replace(mesh, notes=(*mesh.notes, "merge found no nodes in the same place"))
     rows = first[cells]
     if isinstance(mesh, TetMesh):
         made: TetMesh | SpringNet = _checked(mesh, rows, distance)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft.errors import MeshError
-from tisoft.geometry.files.text import numbers
+from tisoft.geometry.files.text import BYTE_ORDER_MARK, numbers
 
 Ints = NDArray[np.int64]
 
@@ -39,7 +39,7 @@ class Card:
 def cards(path: Path, depth: int = 0) -> Iterator[Card]:
     """The keywords of a file, those of included files in their places."""
     try:
-        data = path.read_bytes()
+        data = path.read_bytes().removeprefix(BYTE_ORDER_MARK)
     except OSError as error:
         raise MeshError(
             f"it includes {path.name}, which cannot be read: {error.strerror}"

@@ -17,6 +17,7 @@ from tisoft.geometry.files.medit import read_medit
 from tisoft.geometry.files.mesh_of import REMEDY, mesh_of
 from tisoft.geometry.files.nastran import read_nastran
 from tisoft.geometry.files.tetgen import read_tetgen
+from tisoft.geometry.files.text import BYTE_ORDER_MARK
 from tisoft.geometry.files.vtk import read_vtk
 from tisoft.geometry.files.vtu import read_vtu
 from tisoft.geometry.mesh import SpringNet, TetMesh
@@ -94,19 +95,19 @@ def _content(path: Path) -> Content:
     name = _format(path)
     try:
         if name == "gmsh":
-            return read_gmsh(path.read_bytes())
+            return read_gmsh(_data(path))
         if name == "vtk":
-            return read_vtk(path.read_bytes())
+            return read_vtk(_data(path))
         if name == "vtu":
-            return read_vtu(path.read_bytes())
+            return read_vtu(_data(path))
         if name == "abaqus":
             return read_abaqus(path)
         if name == "tetgen":
             return read_tetgen(path)
         if name == "medit" and b"MeshVersionFormatted" in _head(path):
-            return read_medit(path.read_bytes())
+            return read_medit(_data(path))
         if name == "nastran":
-            return read_nastran(path.read_bytes())
+            return read_nastran(_data(path))
     except OSError as error:
         raise MeshError(f"the file cannot be read: {error.strerror}") from None
     except _FAULTS as error:  # a number or word in a place that no file of this format has it in
@@ -141,7 +142,11 @@ def _format(path: Path) -> str:
 
 def _head(path: Path) -> bytes:
     with path.open("rb") as file:
-        return file.read(4096).removeprefix(b"\xef\xbb\xbf")
+        return file.read(4096).removeprefix(BYTE_ORDER_MARK)
+
+
+def _data(path: Path) -> bytes:
+    return path.read_bytes().removeprefix(BYTE_ORDER_MARK)
 
 
 def _meshio_format(path: Path, head: bytes) -> str:
@@ -149,6 +154,8 @@ def _meshio_format(path: Path, head: bytes) -> str:
 
     known = meshio.extension_to_filetypes
     endings = [s for s in known if path.name.lower().endswith(s)]
+    if not endings and head.startswith((b"\x1f\x8b", b"PK\3\4", b"BZh", b"\xfd7zXZ")):
+        raise MeshError("it is compressed as a whole; unpack it first")
     if not endings:
         readable = " ".join(sorted(s for s in known if s not in SURFACE_SUFFIXES))
         raise MeshError(

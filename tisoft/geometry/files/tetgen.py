@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tisoft.errors import MeshError
 from tisoft.geometry.files import kinds
 from tisoft.geometry.files.content import Content, groups_by_number, numbered
-from tisoft.geometry.files.text import numbers, whole
+from tisoft.geometry.files.text import BYTE_ORDER_MARK, numbers, whole
 
 Table = NDArray[np.float64]
 
@@ -73,7 +73,7 @@ def _add_faces(content: Content, path: Path, labels: NDArray[np.int64]) -> None:
 
 def _table(path: Path, least: int) -> tuple[list[int], Table]:
     """The head of a file, as whole numbers, and its rows, all of one width."""
-    text = re.sub(rb"#[^\n]*", b"", path.read_bytes()).strip()
+    text = re.sub(rb"#[^\n]*", b"", path.read_bytes().removeprefix(BYTE_ORDER_MARK)).strip()
     first, _, rest = text.partition(b"\n")
     if not first.strip():
         raise MeshError(f"{path.name} holds no rows; the file is cut short")

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from tisoft.errors import MeshError
 
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+"""What some editors put before text in UTF-8."""
+
 
 def numbers(text: bytes, where: str) -> NDArray[np.float64]:
     """All numbers of a text, separated by blanks or line ends.  Raises MeshError at other words."""
