@@ -209,7 +209,8 @@ def _group_lines(mesh: dict[str, Any]) -> list[str]:
     for group in mesh["sets"]:
         faces = f", {group['faces']} faces" if group["faces"] else ""
         unused = "" if group["used"] else ", not used"
-        lines.append(f"  set            {_title(group)}: {group['nodes']} nodes{faces}{unused}")
+        nodes = f"{group['nodes']} node{'s' * (group['nodes'] != 1)}"
+        lines.append(f"  set            {_title(group)}: {nodes}{faces}{unused}")
     return lines + [f"  note           {note}" for note in mesh["notes"]]
 
 

@@ -119,9 +119,10 @@ def table(card: Card, width: int, *, filled: bool = False) -> NDArray[np.float64
         text = b"\n".join(padded)
     else:
         text = card.text.replace(b",", b" ")
-    if re.search(rb"[\d.][dD][-+\d]", text):  # Fortran's exponents
-        text = re.sub(rb"([\d.])[dD]([-+\d])", rb"\1e\2", text)
-    values = numbers(text, where)
+    try:
+        values = numbers(text, where)
+    except MeshError:  # Fortran's exponents, perhaps
+        values = numbers(re.sub(rb"([\d.])[dD]([-+\d])", rb"\1e\2", text), where)
     if len(values) % width:
         raise MeshError(
             f"{where} holds {len(values)} numbers, which are no rows of {width}; "

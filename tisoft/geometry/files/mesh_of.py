@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tisoft.errors import MeshError
 from tisoft.geometry.files import kinds
-from tisoft.geometry.files.content import Content, Group, Ints
+from tisoft.geometry.files.content import Content, Ints
 from tisoft.geometry.files.kinds import Kind
 from tisoft.geometry.groups import NodeSet, Region
 from tisoft.geometry.mesh import SpringNet, TetMesh, spring_net, tet_mesh
@@ -63,8 +63,7 @@ def plural(count: int, name: str) -> str:
 
 def _net(content: Content, lines: Ints) -> SpringNet:
     net = spring_net(content.points, lines)
-    _, marks = _cell_groups(content, np.empty(0, np.int64), content.cells())
-    sets = _sets(content, marks, _rows_of(content, net))
+    sets = _sets(content, _rows_of(content, net))
     told = (*net.warnings, *(f"the file: {told}" for told in content.warnings))
     return replace(net, sets=tuple(sets), warnings=told, notes=tuple(content.notes))
 
@@ -85,11 +84,10 @@ def _solid(content: Content) -> TetMesh:
             owners.append(parents + place)
         place += len(rows)
     mesh = tet_mesh(content.points, np.concatenate(tets))
-    regions, marks = _cell_groups(content, np.concatenate(owners), place)
     return replace(
         mesh,
-        regions=tuple(regions),
-        sets=tuple(_sets(content, marks, _rows_of(content, mesh))),
+        regions=tuple(_regions(content, np.concatenate(owners))),
+        sets=tuple(_sets(content, _rows_of(content, mesh))),
         warnings=tuple(f"the file: {told}" for told in content.warnings) + tuple(_told(content)),
         notes=(*content.notes, *_beside(content)),
         checked=True,
@@ -128,37 +126,26 @@ def _beside(content: Content) -> list[str]:
     return [f"{_counted(flat)} beside the solids are not simulated; they may name sets"]
 
 
-def _cell_groups(
-    content: Content, owners: Ints, cells: int
-) -> tuple[list[Region], list[tuple[Group, NDArray[np.bool_]]]]:
-    """Regions of tets, and for each group of cells which of them it holds."""
-    regions, marks = [], []
+def _regions(content: Content, owners: Ints) -> list[Region]:
+    """Regions of tets, each of which comes from the cell `owners` says (ascending)."""
+    regions = []
     for group in content.cell_groups:
-        mark = np.zeros(cells, dtype=bool)
-        mark[group.members] = True
-        mine = np.flatnonzero(mark[owners]).astype(np.int32)
-        if len(mine):
-            regions.append(Region(group.name, group.tag, mine))
-        marks.append((group, mark))
-    return regions, marks
+        cells = np.unique(group.members)
+        first, last = np.searchsorted(owners, cells), np.searchsorted(owners, cells, side="right")
+        count = last - first
+        within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        tets = np.repeat(first, count) + within
+        if len(tets):
+            regions.append(Region(group.name, group.tag, tets.astype(np.int32)))
+    return regions
 
 
-def _sets(
-    content: Content, marks: list[tuple[Group, NDArray[np.bool_]]], row_of: Ints
-) -> list[NodeSet]:
+def _sets(content: Content, row_of: Ints) -> list[NodeSet]:
     """Sets of nodes, and of faces and edges; what no tet uses is left out."""
     found = []
     nothing = np.empty((0, 3), np.int32)
-    for group, mark in marks:
-        faces, nodes, place = [], [np.empty(0, np.int64)], 0
-        for kind, rows in content.blocks:
-            mine = rows[mark[place : place + len(rows)], : kind.corners]
-            place += len(rows)
-            if kind.dim == 3 or not len(mine) or not kind.corners:
-                continue
-            nodes.append(mine.ravel())
-            if kind.dim == 2:
-                faces += kinds.halved(mine)
+    for group in content.cell_groups:
+        faces, nodes = _flat_cells(content, np.unique(group.members))
         triangles = row_of[np.concatenate(faces)] if faces else nothing
         triangles = triangles[(triangles >= 0).all(axis=1)].astype(np.int32)
         kept = _kept(np.concatenate(nodes), row_of)
@@ -169,6 +156,23 @@ def _sets(
         if len(kept):
             found.append(NodeSet(group.name, group.tag, kept, nothing))
     return found
+
+
+def _flat_cells(content: Content, cells: Ints) -> tuple[list[Ints], list[Ints]]:
+    """Triangles and nodes of those of the cells (ascending) that are no solids."""
+    faces: list[Ints] = []
+    nodes: list[Ints] = [np.empty(0, np.int64)]
+    place = 0
+    for kind, rows in content.blocks:
+        first, last = np.searchsorted(cells, [place, place + len(rows)])
+        mine = rows[cells[first:last] - place, : kind.corners]
+        place += len(rows)
+        if kind.dim == 3 or not len(mine) or not kind.corners:
+            continue
+        nodes.append(mine.ravel())
+        if kind.dim == 2:
+            faces += kinds.halved(mine)
+    return faces, nodes
 
 
 def _kept(nodes: Ints, row_of: Ints) -> NDArray[np.int32]:
