@@ -117,6 +117,13 @@ def test_blocks_joined_by_an_edge_or_a_node_are_hinged():
         assert len(hinged.joints.hinges) == nodes
 
 
+def test_a_staircase_that_touches_itself_in_an_edge_is_pinched_and_no_hinge():
+    """Five blocks in a staircase: the last meets the first in one edge, joined elsewhere."""
+    loop = [(0, 0, 0), (1, 0, 0), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+    touching = merged(side_by_side(*(shifted(BLOCK, *place) for place in loop)))
+    assert (len(touching.joints.hinges), len(touching.joints.pinched)) == (0, 2)
+
+
 @pytest.mark.parametrize("backward", [False, True])
 def test_folded_tets_are_found_whichever_way_the_file_counts(backward):
     good = box((0.4, 0.4, 0.4), (4, 4, 4))

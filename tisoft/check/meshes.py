@@ -135,6 +135,12 @@ def mesh_notes(body: Body) -> list[str]:
     """What `check` asks and tells of a body's mesh beyond warnings."""
     mesh, name = body.mesh, f'body "{body.name}"'
     found = [f"{name} {told}" for told in mesh.questions]
+    if isinstance(mesh, TetMesh) and len(mesh.joints.pinched):
+        nodes = mesh.joints.pinched
+        found.append(
+            f"{name} touches itself by an edge or a node alone at {_count(len(nodes), 'node')}, as "
+            f"node {_numbered(mesh, nodes[0])}; it holds together elsewhere"
+        )
     unused = [group for group in mesh.sets if not used(body, group)]
     if unused:
         found.append(

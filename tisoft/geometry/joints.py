@@ -39,7 +39,9 @@ class Joints:
     lying: int
     """Faces on the surface that lie on others, of other triangulation."""
     hinges: Ints
-    """Nodes whose tets hold together there by an edge or the node alone."""
+    """Nodes where parts of a piece hold together by an edge or a node alone."""
+    pinched: Ints
+    """Nodes where a part that holds together by faces touches itself by an edge or a node."""
     folded: Ints
     """Tets that lie on the same side of a face as their neighbour there."""
     doubled: Ints
@@ -55,11 +57,14 @@ def joints_of(points: Floats, tets: NDArray[np.int32], turned: NDArray[np.int32]
     boundary, pairs, crowded = topology.match_faces(merged)
     hanging, lying = _on_faces(points, merged, boundary)
     folded = _folded(merged, pairs, turned)
+    loose = np.setdiff1d(_loose_nodes(merged, boundary, pairs), coincident)
+    hinges = _between_parts(merged, pairs, loose)
     return Joints(
         coincident=coincident,
         hanging=hanging,
         lying=lying,
-        hinges=np.setdiff1d(_hinges(merged, boundary, pairs), coincident),
+        hinges=hinges,
+        pinched=np.setdiff1d(loose, hinges),
         folded=folded,
         doubled=np.union1d(_doubled(points, tets, folded), _stacked(merged, pairs, crowded)),
     )
@@ -163,7 +168,7 @@ def _lies_on(points: Floats, corners: Floats, longest: Floats) -> NDArray[np.boo
     )
 
 
-def _hinges(tets: Ints, boundary: Ints, pairs: Ints) -> Ints:
+def _loose_nodes(tets: Ints, boundary: Ints, pairs: Ints) -> Ints:
     """Nodes of the surface whose tets are not all reached from each other through faces there.
 
     A graph of the corners of tets at such nodes: corners of two tets that share a face are joined.
@@ -195,6 +200,18 @@ def _hinges(tets: Ints, boundary: Ints, pairs: Ints) -> Ints:
     node_of = tets.ravel()[slots]
     groups = np.unique(labels * np.int64(len(on_surface)) + node_of)
     return np.flatnonzero(np.bincount(groups % len(on_surface), minlength=len(on_surface)) > 1)
+
+
+def _between_parts(tets: Ints, pairs: Ints, nodes: Ints) -> Ints:
+    """Those of the nodes whose tets belong to several parts that hold together by faces."""
+    if not len(nodes):
+        return nodes
+    part = topology.piece_of(pairs // 4, len(tets))
+    first, last = np.full(int(tets.max()) + 1, len(tets)), np.full(int(tets.max()) + 1, -1)
+    for corner in range(4):
+        np.minimum.at(first, tets[:, corner], part)
+        np.maximum.at(last, tets[:, corner], part)
+    return nodes[first[nodes] < last[nodes]]
 
 
 def _folded(tets: Ints, pairs: Ints, turned: NDArray[np.int32]) -> Ints:
