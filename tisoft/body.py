@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tisoft import checks
 from tisoft.checks import FieldError, Vector, inside
-from tisoft.geometry.mesh import Mesh, SpringNet, TetMesh
+from tisoft.geometry.mesh import Mesh, SpringNet, TetMesh, present_numbers
 from tisoft.loads import Load, Torque
 from tisoft.models.materials import MassSpring, Model, SolidModel
 from tisoft.pins import Pin, Turn
@@ -114,6 +114,7 @@ class Body:
         springs = getattr(self.model, "springs", None)
         if not isinstance(springs, np.ndarray):
             return self.mesh.edges.astype(np.int64)
+        springs = present_numbers(self.mesh, springs)
         nodes = np.searchsorted(self.mesh.kept_nodes, springs).clip(max=len(self.mesh.points) - 1)
         lost = np.argwhere(self.mesh.kept_nodes[nodes] != springs)
         if len(lost):

@@ -7,7 +7,7 @@ Boxes and half-spaces are closed. A node on the border stays in when only roundi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from tisoft import checks
 from tisoft.checks import FieldError, Vector, put
 from tisoft.geometry.groups import listed, named
-from tisoft.geometry.mesh import Mesh
+from tisoft.geometry.mesh import Mesh, present_numbers
 
 Points = NDArray[np.float64]
 NodeNumbers = NDArray[np.int64]
@@ -108,12 +108,8 @@ class Nodes:
 
     def rows_in(self, mesh: Mesh) -> NodeNumbers:
         """The nodes of these numbers, or those that they were merged into."""
-        kept = dict(mesh.joined.tolist())
-        rows = self.select(mesh.points, mesh.kept_nodes) if not kept else None
-        if rows is None:
-            numbers = [int(mesh.kept_nodes[kept[i]]) if i in kept else i for i in self.ids]
-            rows = Nodes(tuple(numbers)).select(mesh.points, mesh.kept_nodes)
-        return rows
+        numbers = present_numbers(mesh, np.array(self.ids, dtype=np.int64))
+        return replace(self, ids=numbers.tolist()).select(mesh.points, mesh.kept_nodes)
 
     def __post_init__(self) -> None:
         items = checks.sequence("nodes", self.ids, "node numbers")

@@ -188,6 +188,15 @@ class SpringNet:
 Mesh = TetMesh | SpringNet
 
 
+def present_numbers(mesh: Mesh, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Nodes' numbers in the file, those of merged nodes replaced by that of their node."""
+    if not len(mesh.joined):
+        return numbers
+    gone, row = mesh.joined[np.argsort(mesh.joined[:, 0])].T
+    place = np.minimum(np.searchsorted(gone, numbers), len(gone) - 1)
+    return np.where(gone[place] == numbers, mesh.kept_nodes[row[place]], numbers)
+
+
 def tet_mesh(points: ArrayLike, tets: ArrayLike) -> TetMesh:
     """A TetMesh of untidy input: unused nodes are dropped and wrongly oriented tets turned round,
     both counted.  Raises MeshError for degenerate or repeated tets, named by number (from 0).
