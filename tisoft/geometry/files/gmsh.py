@@ -35,6 +35,9 @@ KINDS: dict[int, Kind] = {15: kinds.VERTEX} | {
 }
 
 Source = Text | Binary
+_NUMBERED = {
+    "NOD", "ELM", "Nodes", "ParametricNodes", "Elements", "Entities", "PartitionedEntities",
+}  # fmt: skip
 _NODES = {1.0: "NOD"}
 _SECTION = re.compile(rb"^[ \t]*\$(\w+)[ \t\r]*$", re.MULTILINE)
 Marks = NDArray[np.int64]
@@ -105,23 +108,14 @@ class _File:
     def sections(self, binary: str) -> dict[str, Source]:
         """What may hold numbers, by name; others are passed over."""
         held: dict[str, Source] = {}
-        wanted = {
-            "NOD",
-            "ELM",
-            "Nodes",
-            "ParametricNodes",
-            "Elements",
-            "Entities",
-            "PartitionedEntities",
-        }
         place = 0
         while found := _SECTION.search(self.data, place):
             name = found[1].decode()
             if name.startswith(("End", "END")):
                 raise MeshError(f"${name} stands where no ${name[3:]} is open; the file is damaged")
-            if name in held and name in wanted:
+            if name in held and name in _NUMBERED:
                 raise MeshError(f"there is a second ${name}; give every section once")
-            if binary and name in wanted:
+            if binary and name in _NUMBERED:
                 held[name] = Binary(self.data, found.end() + 1, name, binary)
             place = self._end(name, found.end())
             if name not in held or not binary:
@@ -218,45 +212,57 @@ def _block_nodes(section: Source, version: float) -> tuple[Ints, NDArray[np.floa
 
 
 def _plain_elements(section: Source, elements: Elements, version: float) -> None:
-    """Versions 1 and 2, where every row tells its kind, and how many tags (1: nodes) it has.
-
-    1:  number type physical elementary nodes-in-this-row nodes…
-    2:  number type tags-in-this-row physical elementary … nodes…; in binary files rows of one kind
-        follow a head "type rows tags-in-each-row", as "number tags… nodes…"
-    """
+    """Versions 1 and 2, where every row tells its kind, and how many tags or nodes it has."""
     declared = section.count()
     done = 0
     while section.more(done, declared):
         if isinstance(section, Binary):
-            number, count, tags = (int(n) for n in section.whole(3, "i"))
-            kind = _known(number)
-            width = 1 + max(tags, 0) + kind.nodes
-            if count < 1:
-                raise MeshError(f"$Elements has a block of {count} elements; the file is damaged")
-            # Gmsh may put a head before every single element.
-            alone = count == 1
-            head = (number, count, tags)
-            rows = (
-                section.same(head, width, declared - done) if alone else section.table(count, width)
-            )
+            kind, tags, nodes = _binary_rows(section, declared - done)
+        elif version == 1.0:
+            kind, tags, nodes = _rows_of_1(section, declared - done)
         else:
-            number, tags = section.peek(1), section.peek(4 if version == 1.0 else 2)
-            kind = _known(number)
-            width = 5 + kind.nodes if version == 1.0 else 3 + max(tags, 0) + kind.nodes
-            if version == 1.0 and tags != kind.nodes:
-                raise MeshError(
-                    f"an element announces {tags} nodes, but a {kind.name} has {kind.nodes}"
-                )
-            rows = section.run(
-                {1: number, 4 if version == 1.0 else 2: tags}, width, declared - done
-            )
-        first = {1.0: 2}.get(version, 1 if isinstance(section, Binary) else 3)
-        marked = version == 1.0 or tags >= 1
-        physical = rows[:, first] if marked else 0
-        elementary = rows[:, first + 1] if version == 1.0 or tags >= 2 else 0
-        elements.add(kind, rows[:, width - kind.nodes :], elementary, physical)
-        done += len(rows)
+            kind, tags, nodes = _text_rows(section, declared - done)
+        physical = tags[:, 0] if tags.shape[1] > 0 else 0
+        elementary = tags[:, 1] if tags.shape[1] > 1 else 0
+        elements.add(kind, nodes, elementary, physical)
+        done += len(nodes)
     section.agree(done, declared)
+
+
+Rows = tuple[Kind, Ints, Ints]
+"""Kind, tags (physical, elementary, …) and nodes of elements, both with a row an element."""
+
+
+def _rows_of_1(section: Text, most: int) -> Rows:
+    """ "number type physical elementary nodes-in-this-row nodes…" """
+    number, count = section.peek(1), section.peek(4)
+    kind = _known(number)
+    if count != kind.nodes:
+        raise MeshError(f"an element announces {count} nodes, but a {kind.name} has {kind.nodes}")
+    rows = section.run({1: number, 4: count}, 5 + kind.nodes, most)
+    return kind, rows[:, 2:4], rows[:, 5:]
+
+
+def _text_rows(section: Text, most: int) -> Rows:
+    """ "number type tags-in-this-row tags… nodes…" """
+    number, tags = section.peek(1), max(section.peek(2), 0)
+    kind = _known(number)
+    rows = section.run({1: number, 2: section.peek(2)}, 3 + tags + kind.nodes, most)
+    return kind, rows[:, 3 : 3 + tags], rows[:, 3 + tags :]
+
+
+def _binary_rows(section: Binary, most: int) -> Rows:
+    """A head "type rows tags-in-each-row", then rows "number tags… nodes…".
+
+    Gmsh may put a head before every single element.
+    """
+    number, count, tags = head = tuple(int(n) for n in section.whole(3, "i"))
+    kind = _known(number)
+    if count < 1 or tags < 0:
+        raise MeshError(f"$Elements has a block of {count} elements; the file is damaged")
+    width = 1 + tags + kind.nodes
+    rows = section.same(head, width, most) if count == 1 else section.table(count, width)
+    return kind, rows[:, 1 : 1 + tags], rows[:, 1 + tags :]
 
 
 def _block_elements(section: Source, elements: Elements, version: float) -> None:
