@@ -302,6 +302,7 @@ MESH_FILES = {
     "h.inp": {},
     "i.ele": {},
     "j.xml": {},
+    "k.bdf": {},
 }
 WORDS = [b"nan", b"inf", b"-1", b"99999999", b"2147483648", b"1e308", b"1e-320", b"", b"x", b"0"]
 DAMAGE = st.lists(

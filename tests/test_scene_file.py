@@ -662,7 +662,8 @@ KEYS = sorted(
     | {key for model in MODELS.values() for key in field_names(model)}
     | {key for part in (Scene, Pin, Load, Camera, Render, Probe) for key in field_names(part)}
     | {"body", "obstacle", "probe", "mesh", "pin", "load", "model", "material", "plane", "sphere"}
-    | {*scene_mesh.SOURCES, *scene_mesh.TRANSFORM, "lame_lambda", "lame_mu", "friction", "yuong"}
+    | {*scene_mesh.SOURCES, *scene_mesh.TRANSFORM, "merge", "region", "set"}
+    | {"lame_lambda", "lame_mu", "friction", "yuong"}
 )
 WORDS = sorted({"all", "xy", "auto", "f64", "six", "consistent", "edges", *MODELS, *PRESETS, *KEYS})
 VALUES = st.one_of(

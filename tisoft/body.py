@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from tisoft import checks
 from tisoft.checks import FieldError, Vector, inside
-from tisoft.geometry.mesh import Mesh, SpringNet, TetMesh
+from tisoft.geometry.mesh import Mesh, SpringNet, TetMesh, present_numbers
 from tisoft.loads import Load, Torque
 from tisoft.models.materials import MassSpring, Model, SolidModel
 from tisoft.pins import Pin, Turn
-from tisoft.where import NodeNumbers, Selection
+from tisoft.region_material import NOT_YET, RegionMaterial
+from tisoft.where import InSet, NodeNumbers, Selection, rows_in
 
 
 class Push(TypedDict, total=False):
@@ -46,6 +47,8 @@ class Body:
     spin: Vector = (0.0, 0.0, 0.0)
     pins: list[Pin] = field(default_factory=list)
     loads: list[Load] = field(default_factory=list)
+    regions: list[RegionMaterial] = field(default_factory=list)
+    """Materials of their own in regions of the mesh; refused until they are simulated."""
 
     def __post_init__(self) -> None:
         self.validate()
@@ -94,7 +97,7 @@ class Body:
             FieldError: where it picks none, or names a node that the mesh has not.
         """
         with inside("where"):
-            picked = where.select(self.mesh.points, self.mesh.kept_nodes)
+            picked = rows_in(where, self.mesh)
         if len(picked) == 0:
             lo, hi = (_point(f(self.mesh.points, axis=0)) for f in (np.min, np.max))
             problem = f'selects no node of "{self.name}", whose mesh spans {lo} to {hi}'
@@ -102,7 +105,12 @@ class Body:
         return picked
 
     def faces(self, where: Selection) -> NDArray[np.int64]:
-        """Rows of `mesh.surface` all of whose nodes are selected; may be none."""
+        """Rows of `mesh.surface` all of whose nodes are selected, or a set's own faces."""
+        if isinstance(where, InSet):
+            with inside("where"):
+                own = where.faces_in(self.mesh)
+            if own is not None:
+                return own
         picked = np.zeros(len(self.mesh.points), dtype=bool)
         picked[self.nodes(where)] = True
         return np.flatnonzero(picked[self.mesh.surface].all(axis=1))
@@ -112,6 +120,7 @@ class Body:
         springs = getattr(self.model, "springs", None)
         if not isinstance(springs, np.ndarray):
             return self.mesh.edges.astype(np.int64)
+        springs = present_numbers(self.mesh, springs)
         nodes = np.searchsorted(self.mesh.kept_nodes, springs).clip(max=len(self.mesh.points) - 1)
         lost = np.argwhere(self.mesh.kept_nodes[nodes] != springs)
         if len(lost):
@@ -138,10 +147,19 @@ class Body:
                 "or mesh the body's volume with tets"
             )
             raise FieldError("model", problem)
+        self._check_regions()
         self._check_pins(self.pins)
         for i, load in enumerate(self.loads):
             with inside(f"load[{i}]"):
                 self._check_load(load)
+
+    def _check_regions(self) -> None:
+        for i, region in enumerate(self.regions):
+            with inside(f"region[{i}]"):
+                region.model(self.model)
+                region.tets(self.mesh)
+        if self.regions:
+            raise FieldError("region[0]", f"cannot be used: {NOT_YET}")
 
     def _check_springs(self, model: MassSpring) -> None:
         springs = self.springs()

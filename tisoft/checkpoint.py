@@ -21,22 +21,25 @@ from numpy.typing import NDArray
 from tisoft import loads, pins, scene, scene_parts, where
 from tisoft.body import Body
 from tisoft.errors import SceneError
+from tisoft.geometry import groups
 from tisoft.geometry.mesh import SpringNet, TetMesh
 from tisoft.models import materials
 from tisoft.obstacles import OBSTACLES
 
-VERSION = 1
+VERSION = 2
 
 _CLASSES: dict[str, Any] = {
     cls.__name__ if module == "" else f"{module}.{cls.__name__}": cls
     for module, classes in {
         "": (
-            scene.Scene, Body, TetMesh, SpringNet, pins.Pin, pins.Turn, loads.Load, loads.Torque,
+            scene.Scene, Body, TetMesh, SpringNet, groups.Region, groups.NodeSet,
+            pins.Pin, pins.Turn, loads.Load, loads.Torque,
             *OBSTACLES.values(), scene_parts.Probe,
             scene_parts.Camera, scene_parts.Render, *materials.MODELS.values(),
         ),
         "where": (
             where.Box, where.HalfSpace, where.Nodes, where.Nearest, where.Everything,
+            where.InRegion, where.InSet,
         ),
     }.items()
     for cls in classes

@@ -136,7 +136,7 @@ class Scene:
             return body, int(Nearest(probe.point).select(mesh.points)[0])
         assert probe.node is not None
         try:
-            return body, int(Nodes((probe.node,)).select(mesh.points, mesh.kept_nodes)[0])
+            return body, int(Nodes((probe.node,)).rows_in(mesh)[0])
         except FieldError as error:
             raise FieldError("node", error.problem, probe.node) from None
 

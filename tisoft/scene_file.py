@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from tisoft.models.materials import MODELS, Model, young_and_poisson
 from tisoft.models.presets import preset
 from tisoft.obstacles import OBSTACLES, Obstacle
 from tisoft.pins import Pin, Turn
+from tisoft.region_material import RegionMaterial
 from tisoft.scene import Scene
 from tisoft.scene_keys import (
     Table,
@@ -44,7 +45,7 @@ _TABLES = ("body", "obstacle", "probe", "camera", "render")
 _SETTINGS = [
     key for key in field_names(Scene) if key not in ("bodies", "obstacles", "probes", *_TABLES)
 ]
-_BODY = ("name", "model", "mesh", "pin", "load", "velocity", "spin")
+_BODY = ("name", "model", "mesh", "region", "pin", "load", "velocity", "spin")
 _INSTEAD_OF_YOUNG = ("material", "lame_lambda", "lame_mu")
 _MODEL_KEYS = {name: field_names(cls) for name, cls in MODELS.items()}
 
@@ -171,6 +172,8 @@ def _add_body(scene: Scene, table: Any, field: str, folder: Path) -> None:
     start = {key: table[key] for key in ("velocity", "spin") if key in table}
     with inside(field):
         body = scene.add_body(mesh, model, table.get("name"), **start)
+    for path, region in tables(table, "region", field):
+        body.regions.append(make(RegionMaterial, region, path))
     for path, pin in tables(table, "pin", field):
         body.pins.append(_pin(pin, path))
     for path, load in tables(table, "load", field):
@@ -266,12 +269,20 @@ def _load(table: Any, field: str) -> Load:
     return make(Load, rest, field, where=_where(table, field), torque=torque)
 
 
+_SIMPLE: dict[str, Callable[[Any], Selection]] = {
+    "nodes": where.nodes,
+    "nearest": where.nearest,
+    "region": where.region,
+    "set": where.named_set,
+}
+
+
 def _where(holder: Table, holder_field: str) -> Selection:
     field = joined(holder_field, "where")
     if "where" not in holder:
         raise FieldError(field, 'is missing; give { box = [lo, hi] }, { nodes = [0] } or "all"')
     rule = holder["where"]
-    kinds = ("box", "nodes", "plane", "nearest")
+    kinds = ("box", "nodes", "plane", "nearest", "region", "set")
     if isinstance(rule, str):
         if rule != "all":
             problem = f"is not known; {suggestion(rule, ['all'])} or one of {', '.join(kinds)}"
@@ -281,10 +292,8 @@ def _where(holder: Table, holder_field: str) -> Selection:
     kind = checks.exactly_one(field, {key: rule.get(key) for key in kinds})
     value = rule[kind]
     with inside(field):
-        if kind == "nodes":
-            return where.nodes(value)
-        if kind == "nearest":
-            return where.nearest(value)
+        if kind in _SIMPLE:
+            return _SIMPLE[kind](value)
         if kind == "plane":
             check_keys(value, "plane", ("point", "normal"))
             for key in ("point", "normal"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from tisoft import checks
 from tisoft.checks import FieldError, inside, joined
 from tisoft.errors import MeshError
 from tisoft.geometry import shapes
+from tisoft.geometry.merging import merged
 from tisoft.geometry.mesh import Mesh
 from tisoft.models.materials import MassSpring, Model
 from tisoft.scene_keys import Table, check_keys
@@ -21,7 +22,11 @@ from tisoft.scene_keys import Table, check_keys
 MOST_ELEMENTS = 10_000_000
 """Tets or springs that the shapes of a scene may have: 5 GB while a mesh of tets is built."""
 
-TRANSFORM = ("scale", "rotate", "translate")
+TRANSFORM = ("scale", "units", "rotate", "translate")
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
+"""Metres in a unit of length that a mesh may be written in."""
+LARGE, SMALL = 100.0, 1e-4
+"""Sizes [m] beyond which a file is asked whether it is in metres."""
 
 
 @dataclass(frozen=True)
@@ -114,10 +119,11 @@ def build_mesh(table: Any, field: str, folder: Path, model: Model) -> Mesh:
     Raises:
         FieldError: the key with its path, its value, and what to do.
     """
-    check_keys(table, field, (*SOURCES, *TRANSFORM))
+    check_keys(table, field, (*SOURCES, *TRANSFORM, "merge"))
     source = checks.exactly_one(field, {key: table.get(key) for key in SOURCES})
     with inside(field):
-        scale = checks.number("scale", table.get("scale", 1.0), above=0.0)
+        scale = _scale(table)
+        merge = _merge(table, source)
         rotate = checks.vector("rotate", table.get("rotate", (0.0, 0.0, 0.0)), unit="degrees")
         translate = checks.vector("translate", table.get("translate", (0.0, 0.0, 0.0)), unit="m")
     path = joined(field, source)
@@ -131,10 +137,50 @@ def build_mesh(table: Any, field: str, folder: Path, model: Model) -> Mesh:
         if any(key in table for key in TRANSFORM):
             path = field
             mesh = mesh.transformed(scale=scale, rotate=rotate, translate=translate)
+        if source == "file" and not {"scale", "units"} & table.keys():
+            mesh = _questioned(mesh)
+        if merge is not False:
+            path = field
+            mesh = merged(mesh, None if merge is True else merge)
         return mesh
     except MeshError as error:
         told = str(error).removeprefix(f"{folder / str(table[source])}: ")
         raise FieldError(path, f"is no usable mesh: {told}", table[source]) from None
+
+
+def _scale(table: Table) -> float:
+    """Metres in the mesh's own unit of length."""
+    if "units" in table:
+        if "scale" in table:
+            raise FieldError(
+                "units", "and scale exclude each other: both turn the file into metres"
+            )
+        return UNITS[checks.choice("units", table["units"], list(UNITS))]
+    return checks.number("scale", table.get("scale", 1.0), above=0.0)
+
+
+def _merge(table: Table, source: str) -> bool | float:
+    """Whether nodes in one place are merged, or the distance [m] within which they are."""
+    value = table.get("merge", False)
+    if isinstance(value, bool):
+        merge: bool | float = value
+    else:
+        merge = checks.number("merge", value, above=0.0, unit="m", remedy="or true or false")
+    if merge is not False and source != "file":
+        raise FieldError("merge", "joins nodes of mesh files; shapes are joined already", value)
+    return merge
+
+
+def _questioned(mesh: Mesh) -> Mesh:
+    """The mesh, with a question where its size is none that bodies usually have in metres."""
+    size = float(np.ptp(mesh.points, axis=0).max())
+    if SMALL <= size <= LARGE:
+        return mesh
+    told = (
+        f"is {size:.3g} m large: is the file in metres? If not, say so in [body.mesh], as "
+        'units = "mm" (or scale), else units = "m"'
+    )
+    return replace(mesh, questions=(told,))
 
 
 def _read(field: str, name: Any, folder: Path) -> Mesh:

@@ -7,7 +7,7 @@ Boxes and half-spaces are closed. A node on the border stays in when only roundi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from tisoft import checks
 from tisoft.checks import FieldError, Vector, put
+from tisoft.geometry.groups import listed, named
+from tisoft.geometry.mesh import Mesh, present_numbers
 
 Points = NDArray[np.float64]
 NodeNumbers = NDArray[np.int64]
@@ -34,6 +36,18 @@ class Selection(Protocol):
                 ascending; left out, nodes are numbered 0, 1, 2, …
         """
         ...
+
+
+def rows_in(where: Selection, mesh: Mesh) -> NodeNumbers:
+    """Rows of `mesh.points` that a selection picks; raises FieldError as the selection does.
+
+    A selection that needs more of a mesh than places and numbers has a method `rows_in(mesh)`.
+    """
+    own = getattr(where, "rows_in", None)
+    if own is not None:
+        rows: NodeNumbers = own(mesh)
+        return rows
+    return where.select(mesh.points, mesh.kept_nodes)
 
 
 def check_selection(where: Any) -> None:
@@ -92,6 +106,11 @@ class Nodes:
 
     ids: tuple[int, ...]
 
+    def rows_in(self, mesh: Mesh) -> NodeNumbers:
+        """The nodes of these numbers, or those that they were merged into."""
+        numbers = present_numbers(mesh, np.array(self.ids, dtype=np.int64))
+        return replace(self, ids=numbers.tolist()).select(mesh.points, mesh.kept_nodes)
+
     def __post_init__(self) -> None:
         items = checks.sequence("nodes", self.ids, "node numbers")
         ids = tuple(checks.integer(f"nodes[{i}]", item) for i, item in enumerate(items))
@@ -142,6 +161,86 @@ class Everything:
     def select(self, points: Points, numbers: ArrayLike | None = None) -> NodeNumbers:
         """All rows."""
         return np.arange(len(points))
+
+
+@dataclass(frozen=True)
+class InRegion:
+    """Nodes of the tets that the mesh file calls by a name or a number."""
+
+    name: str | int
+
+    def __post_init__(self) -> None:
+        _check_name("region", self.name)
+
+    def select(self, points: Points, numbers: ArrayLike | None = None) -> NodeNumbers:
+        """None: places and numbers alone tell no regions."""
+        return np.arange(0)
+
+    def rows_in(self, mesh: Mesh) -> NodeNumbers:
+        """The region's nodes."""
+        tets = [mesh.regions[k].tets for k in self.found(mesh)]
+        return np.unique(mesh.tets[np.concatenate(tets)]).astype(np.int64)
+
+    def found(self, mesh: Mesh) -> list[int]:
+        """Places of the regions that are meant; raises FieldError where there are none."""
+        return _found("region", self.name, mesh.regions)
+
+
+@dataclass(frozen=True)
+class InSet:
+    """Nodes, or the nodes of faces, that the mesh file calls by a name or a number."""
+
+    name: str | int
+
+    def __post_init__(self) -> None:
+        _check_name("set", self.name)
+
+    def select(self, points: Points, numbers: ArrayLike | None = None) -> NodeNumbers:
+        """None: places and numbers alone tell no sets."""
+        return np.arange(0)
+
+    def rows_in(self, mesh: Mesh) -> NodeNumbers:
+        """The set's nodes."""
+        sets = [mesh.sets[k].nodes for k in self.found(mesh)]
+        return np.unique(np.concatenate(sets)).astype(np.int64)
+
+    def faces_in(self, mesh: Mesh) -> NDArray[np.int64] | None:
+        """Rows of `mesh.surface` that are the set's faces; None where it has nodes alone."""
+        faces = np.concatenate([mesh.sets[k].faces for k in self.found(mesh)])
+        if not len(faces):
+            return None
+        mine = {tuple(row) for row in np.sort(faces, axis=1).tolist()}
+        surface = np.sort(mesh.surface, axis=1).tolist()
+        return np.array([k for k, row in enumerate(surface) if tuple(row) in mine], dtype=np.int64)
+
+    def found(self, mesh: Mesh) -> list[int]:
+        """Places of the sets that are meant; raises FieldError where there are none."""
+        return _found("set", self.name, mesh.sets)
+
+
+def _check_name(field: str, value: Any) -> None:
+    if isinstance(value, bool) or not isinstance(value, (str, int, float)):
+        raise FieldError(
+            field, f"must be the name or the number of a {field} of the mesh file", value
+        )
+
+
+def _found(field: str, name: str | int, groups: Sequence[Any]) -> list[int]:
+    places = named(groups, name)
+    if not places:
+        there = f"it has {listed(groups)}" if groups else f"it has no {field}s"
+        raise FieldError(field, f"is no {field} of the mesh: {there}", name)
+    return places
+
+
+def region(name: str | int) -> InRegion:
+    """Nodes of the tets that the mesh file calls by this name or number."""
+    return InRegion(name)
+
+
+def named_set(name: str | int) -> InSet:
+    """Nodes, or nodes of faces, that the mesh file calls by this name or number."""
+    return InSet(name)
 
 
 def box(lo: Sequence[float], hi: Sequence[float]) -> Box:

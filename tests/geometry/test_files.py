@@ -12,7 +12,6 @@ import pytest
 from hypothesis import strategies as st
 
 from tisoft.errors import MeshError, SceneError
-from tisoft.geometry import files
 from tisoft.geometry.files import read_mesh, write_vtu
 from tisoft.geometry.mesh import SpringNet
 from tisoft.geometry.shapes import box
@@ -214,11 +213,8 @@ def surface(folder):
     return written(folder, "a.vtu", [("triangle", BRICK.surface)])
 
 
-def hexahedra(folder):
-    points = BRICK.points
-    return written(
-        folder, "a.vtk", [("hexahedron", np.array([[0, 1, 4, 3, 9, 10, 13, 12]]))], points
-    )
+def polyhedra(folder):
+    return text(folder, "a.vtk", VTK.replace("\n10\n", "\n42\n"))
 
 
 def nan_node(folder):
@@ -241,9 +237,9 @@ BAD = {
     "name too long": (unreadable, "cannot be read"),
     "empty": (lambda d: text(d, "a.vtk", ""), "is empty"),
     "suffix": (lambda d: text(d, "a.step", "x"), "suffix '.step' is no mesh format"),
-    "surface": (surface, "triangle, a surface and no tets; tetrahedralise"),
+    "surface": (surface, "triangles, a surface and no tets; tetrahedralise"),
     "stl": (lambda d: text(d, "a.stl", "solid"), "hold a surface"),
-    "hexahedra": (hexahedra, "1 hexahedron; only tets"),
+    "polyhedra": (polyhedra, "1 polyhedron; tets, hexahedra, wedges and pyramids are read"),
     "polydata": (
         lambda d: text(d, "a.vtk", VTK.replace("UNSTRUCTURED_GRID", "POLYDATA")),
         "a surface \\(POLYDATA\\)",
@@ -256,13 +252,13 @@ BAD = {
     "index": (far_index, "uses node 99"),
     "fewer cells": (
         lambda d: text(d, "a.vtk", VTK.replace("CELL_TYPES 1", "CELL_TYPES 0")),
-        "CELLS",
+        "CELL_TYPES announces 0 numbers, but 1 follow",
     ),
     "huge vtk": (
         lambda d: text(d, "a.vtk", VTK.replace("POINTS 4", "POINTS 999999999")),
         "announces",
     ),
-    "vtk words": (lambda d: text(d, "a.vtk", VTK.replace("1 0 0", "1 x 0")), "damaged"),
+    "vtk words": (lambda d: text(d, "a.vtk", VTK.replace("1 0 0", "1 x 0")), "POINTS holds 'x'"),
     "vtu counts": (
         lambda d: text(d, "a.vtu", VTU.replace('NumberOfCells="1"', 'NumberOfCells="7"')),
         "damaged",
@@ -271,11 +267,11 @@ BAD = {
     "vtu cut short": (lambda d: text(d, "a.vtu", VTU[:300]), "damaged"),
     "gmsh element left out": (
         lambda d: text(d, "a.msh", GMSH_2.replace("$Elements\n2", "$Elements\n3")),
-        "announces 3 further rows",
+        "announces 3 entries, but holds 2",
     ),
     "gmsh element too many": (
         lambda d: text(d, "a.msh", GMSH_2.replace("$Elements\n2", "$Elements\n1")),
-        "announces 1 entries, but holds 2",
+        "holds 9 numbers more than it announces",
     ),
     "gmsh node left out": (
         lambda d: text(d, "a.msh", GMSH_41.replace("1 0 0\n", "")),
@@ -301,7 +297,7 @@ BAD = {
         lambda d: written(d, "a.vtu", [("tetra", np.array([[0, 1, 2, 3]]))]),
         "tet 0 .* degenerate",
     ),
-    "endless nastran": (lambda d: text(d, "a.bdf", "BEGIN BULK\n"), "ends too early"),
+    "nastran without cards": (lambda d: text(d, "a.bdf", "BEGIN BULK\n"), "no cells at all"),
     "endless mdpa": (lambda d: text(d, "a.mdpa", "Begin Nodes\n 1 0 0 0\n"), "ends too early"),
     "tetgen alone": (lambda d: text(d, "a.ele", "1 4 0\n1 1 2 3 4\n"), "a.node is missing"),
 }
@@ -330,10 +326,10 @@ def test_announced_counts_do_not_fill_the_memory(tmp_path, name):
 
 
 def test_missing_packages_are_named_with_their_remedy(tmp_path, monkeypatch):
-    def no_package(path, suffix):
+    def no_package(path, file_format):
         raise ModuleNotFoundError("No module named 'h5py'", name="h5py")
 
-    monkeypatch.setattr(files, "_by_meshio", no_package)
+    monkeypatch.setattr(meshio, "read", no_package)
     with pytest.raises(MeshError, match="pip install h5py"):
         read_mesh(text(tmp_path, "a.med", "x"))
 

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from tisoft.body import Body
 from tisoft.check.limiting import damping_cost, limiting_element, metres
+from tisoft.check.meshes import mesh_notes, used
 from tisoft.check.warnings import warnings_of
 from tisoft.geometry.bracing import mechanism, missing_springs, moving_nodes
+from tisoft.geometry.groups import Region
 from tisoft.geometry.mesh import TetMesh
 from tisoft.geometry.quality import altitudes, quality
 from tisoft.geometry.rigidity import Rigidity, rigidity
@@ -55,6 +57,7 @@ def check(sim: Simulation) -> Report:
         "warnings": warnings_of(scene),
     }
     for body in scene.bodies:
+        report.result["warnings"] += mesh_notes(body)
         if isinstance(body.model, MassSpring):
             _count_modes(body, report)
     report.result["estimated_real_time_factor"] = estimated_real_time_factor(sim)
@@ -74,12 +77,25 @@ def mesh_report(body: Body) -> dict[str, Any]:
         "worst_quality": None,
         "worst_element": None,
         "size": np.ptp(mesh.points, axis=0).tolist(),
+        "notes": list(mesh.notes),
+        "regions": [],
+        "sets": [
+            {
+                "name": group.name,
+                "tag": group.tag,
+                "nodes": len(group.nodes),
+                "faces": len(group.faces),
+                "used": used(body, group),
+            }
+            for group in mesh.sets
+        ],
     }
     if isinstance(mesh, TetMesh):
         shape = quality(mesh)
         worst = int(np.argmin(shape))
         found |= {
             "volume": float(mesh.volumes.sum()),
+            "regions": [_region(mesh, region) for region in mesh.regions],
             "worst_quality": float(shape[worst]),
             "worst_element": worst,
             "median_altitude": float(np.median(altitudes(mesh))),
@@ -158,9 +174,10 @@ def _mesh_lines(name: str, mesh: dict[str, Any], result: dict[str, Any]) -> list
             f"  quality        worst {mesh['worst_quality']:.2g} (tet {mesh['worst_element']}), "
             f"median altitude {metres(mesh['median_altitude'])}"
         )
+    lines += _group_lines(mesh)
     for key, told in (
-        ("flipped", "tets turned round: the file had them inside out"),
-        ("dropped_nodes", "nodes dropped: nothing in the file uses them"),
+        ("flipped", "tets turned round: the file orients them the other way"),
+        ("dropped_nodes", "nodes dropped: no element has them as a corner"),
     ):
         if mesh[key]:
             lines.append(f"  note           {mesh[key]} {told}")
@@ -172,6 +189,34 @@ def _mesh_lines(name: str, mesh: dict[str, Any], result: dict[str, Any]) -> list
             told += f", {result['in_plane'][name]} of them in plane"
         lines.append(f"  mechanisms     {told}")
     return lines
+
+
+def _region(mesh: TetMesh, region: Region) -> dict[str, Any]:
+    return {
+        "name": region.name,
+        "tag": region.tag,
+        "elements": len(region.tets),
+        "volume": float(mesh.volumes[region.tets].sum()),
+    }
+
+
+def _group_lines(mesh: dict[str, Any]) -> list[str]:
+    """Regions, sets and notes of the file."""
+    lines = [
+        f"  region         {_title(region)}: {region['elements']} tets, {region['volume']:.4g} m³"
+        for region in mesh["regions"]
+    ]
+    for group in mesh["sets"]:
+        faces = f", {group['faces']} faces" if group["faces"] else ""
+        unused = "" if group["used"] else ", not used"
+        nodes = f"{group['nodes']} node{'s' * (group['nodes'] != 1)}"
+        lines.append(f"  set            {_title(group)}: {nodes}{faces}{unused}")
+    return lines + [f"  note           {note}" for note in mesh["notes"]]
+
+
+def _title(group: dict[str, Any]) -> str:
+    number = "" if str(group["tag"]) == group["name"] else f" ({group['tag']})"
+    return group["name"] + ("" if group["tag"] is None else number)
 
 
 def seconds(time: float) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft.body import Body
+from tisoft.check.meshes import mesh_warnings
 from tisoft.geometry.mesh import TetMesh
 from tisoft.model.network import triangle_areas
 from tisoft.models.materials import NeoHookean, SolidModel, ViscoElastic
@@ -24,8 +25,8 @@ BENDING = {1: "several times", 2: "33 to 49 %", 3: "15 to 25 %", 4: "about 11 %"
 
 
 def warnings_of(scene: Scene) -> list[str]:
-    """Sentences, none where nothing is to be said; costs milliseconds."""
-    found = list(_of_scene(scene))
+    """Sentences, none where nothing is to be said; of meshes first."""
+    found = mesh_warnings(scene) + list(_of_scene(scene))
     for body in scene.bodies:
         found += _of_body(body, scene)
     return found

@@ -24,7 +24,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     """Check the scene and report."""
-    sim = common.simulation_of(common.scene_of(options), options)
+    sim = common.simulation_of(common.scene_of(options, tell=False), options)
 
     from tisoft.check.report import as_text, check
 

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from tisoft import runtime
+from tisoft.check.meshes import mesh_warnings
 from tisoft.checks import inside
 from tisoft.errors import Diverged, SceneError
 from tisoft.runtime import ARCHS
@@ -63,9 +64,12 @@ def add_picture(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--wireframe", action="store_true", help="draw the edges of the surfaces")
 
 
-def scene_of(options: argparse.Namespace) -> Scene:
-    """The scene that the command line asks for."""
+def scene_of(options: argparse.Namespace, *, tell: bool = True) -> Scene:
+    """The scene that the command line asks for; what is wrong with its meshes is told at once."""
     scene = load_scene(options.scene, options.settings)
+    if tell and not options.quiet:
+        for warning in mesh_warnings(scene):
+            print(f"tisoft: warning: {warning}", file=sys.stderr)
     if options.precision:
         scene.precision = options.precision
     scene.render = _render_of(options, scene.render)
@@ -157,7 +161,10 @@ class Run:
             print(as_json(result))
         elif not options.quiet:
             print("\n".join([as_text(result), *lines]))
+            told = mesh_warnings(self.sim.scene)  # by scene_of
             for warning in result["warnings"] if warn else []:
+                if warning in told:
+                    continue
                 print(f"tisoft: warning: {warning}", file=sys.stderr)
         if self.error is not None:
             print(f"tisoft: error: {self.error}", file=sys.stderr)

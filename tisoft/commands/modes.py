@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tisoft import runtime
+from tisoft.check.meshes import mesh_warnings
 from tisoft.commands import common
 from tisoft.errors import SceneError
 from tisoft.scene import Scene
@@ -61,7 +62,11 @@ def execute(options: argparse.Namespace) -> int:
 
     runtime.start(options.arch)
     found = natural_modes(scene, options.count, about=options.about)
-    result = {"status": "done", "frequencies": [float(f) for f in found.frequencies]}
+    result = {
+        "status": "done",
+        "frequencies": [float(f) for f in found.frequencies],
+        "warnings": mesh_warnings(scene),
+    }
     filmed = options.output and Path(options.output).suffix
     if filmed and options.shape > len(found.frequencies):
         raise SceneError(f"--shape is {options.shape}; there are {len(found.frequencies)} modes")

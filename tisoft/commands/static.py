@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tisoft import runtime
+from tisoft.check.meshes import mesh_warnings
 from tisoft.commands import common
 from tisoft.errors import NoEquilibrium
 from tisoft.whole_files import as_json, make_folder, write_text
@@ -58,7 +59,7 @@ def execute(options: argparse.Namespace) -> int:
         _save(sim, folder, result)
     if picture:
         _draw(sim, options.output)
-    _tell(options, result)
+    _tell(options, result, found.warnings)
     return 0
 
 
@@ -77,7 +78,7 @@ def _result(sim: Simulation, found: Equilibrium) -> dict[str, Any]:
         "iterations": found.iterations,
         "energy": found.energy,
         "probes": probes(sim),
-        "warnings": found.warnings,
+        "warnings": [*mesh_warnings(sim.scene), *found.warnings],
     }
 
 
@@ -103,7 +104,7 @@ def _draw(sim: Simulation, path: str) -> None:
         film.on_frame(sim.here())
 
 
-def _tell(options: argparse.Namespace, result: dict[str, Any]) -> None:
+def _tell(options: argparse.Namespace, result: dict[str, Any], warnings: list[str]) -> None:
     if options.json:
         print(as_json(result))
         return
@@ -119,5 +120,5 @@ def _tell(options: argparse.Namespace, result: dict[str, Any]) -> None:
         print(f'probe "{name}": displacement ({moved}) m')
     if options.output:
         print(f"results are in {options.output}")
-    for warning in result["warnings"]:
+    for warning in warnings:  # those of meshes have been told at the start
         print(f"tisoft: warning: {warning}", file=sys.stderr)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +22,8 @@ from tisoft.geometry.checks import (
     positions,
     unit_sized,
 )
+from tisoft.geometry.groups import NodeSet, Region
+from tisoft.geometry.joints import Joints, joints_of
 from tisoft.geometry.quality import signed_volumes
 
 Floats = NDArray[np.float64]
@@ -40,12 +42,31 @@ class TetMesh:
     """Nodes of each tet, shape (tets, 4), in the file's order; det(x1-x0, x2-x0, x3-x0) > 0."""
     kept_nodes: NDArray[np.int64]
     """Number (from 0) that each node has in the file, shape (nodes,)."""
-    flipped: int = 0
-    """Tets that were wrongly oriented in the file."""
+    turned: Ints = field(default_factory=lambda: np.empty(0, np.int32))
+    """Tets that the file orients the other way, ascending."""
     dropped_nodes: int = 0
     """Nodes of the file that no tet uses."""
+    regions: tuple[Region, ...] = ()
+    """Tets that the file calls by names or numbers."""
+    sets: tuple[NodeSet, ...] = ()
+    """Nodes and faces that the file calls by names or numbers."""
+    warnings: tuple[str, ...] = ()
+    """What reading changed of the body, a sentence each."""
+    notes: tuple[str, ...] = ()
+    """What reading left out, and the body does not depend on."""
+    questions: tuple[str, ...] = ()
+    """What looks like a slip of its user, each the rest of a sentence about the body."""
+    joined: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 2), np.int64))
+    """Nodes merged into others: number in the file, and row of `points`, shape (merged, 2)."""
+    checked: InitVar[bool] = False
+    """Points and tets come from a mesh, or have been checked as those of a mesh are."""
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, checked: bool) -> None:
+        _freeze(self, "turned", np.asarray(self.turned, dtype=np.int32))
+        if checked:
+            for name in ("points", "tets", "kept_nodes"):
+                _freeze(self, name, getattr(self, name))
+            return
         _freeze(self, "tets", _rows(self.tets, 4, "tet", self.points))
         _freeze_nodes(self)
         if len(self.tets) == 0:
@@ -56,6 +77,11 @@ class TetMesh:
                 f"{numbers('tet', turned)} oriented with negative volume; "
                 "build the mesh with tet_mesh(points, tets), which turns such tets round"
             )
+
+    @property
+    def flipped(self) -> int:
+        """How many tets the file orients the other way."""
+        return len(self.turned)
 
     @cached_property
     def volumes(self) -> Floats:
@@ -76,6 +102,11 @@ class TetMesh:
     def pieces(self) -> int:
         """Number of parts that share no node."""
         return topology.pieces(self.edges, len(self.points))
+
+    @cached_property
+    def joints(self) -> Joints:
+        """Where nodes, faces and tets are not joined as their places show."""
+        return joints_of(self.points, self.tets, self.turned)
 
     def transformed(
         self,
@@ -102,9 +133,15 @@ class SpringNet:
     """Triangles to draw, shape (triangles, 3); may be empty."""
     kept_nodes: NDArray[np.int64]
     """Number (from 0) that each node has in the file, shape (nodes,)."""
-    flipped: int = 0
     dropped_nodes: int = 0
     """Nodes of the file that no spring uses."""
+    sets: tuple[NodeSet, ...] = ()
+    """Nodes and faces that the file calls by names or numbers."""
+    warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    questions: tuple[str, ...] = ()
+    joined: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 2), np.int64))
+    """Nodes merged into others: number in the file, and row of `points`, shape (merged, 2)."""
 
     def __post_init__(self) -> None:
         _freeze(self, "edges", _rows(self.edges, 2, "spring", self.points))
@@ -121,6 +158,16 @@ class SpringNet:
     def tets(self) -> Ints:
         """No tets: shape (0, 4)."""
         return np.empty((0, 4), dtype=np.int32)
+
+    @property
+    def flipped(self) -> int:
+        """None: there are no tets."""
+        return 0
+
+    @property
+    def regions(self) -> tuple[Region, ...]:
+        """None: there are no tets."""
+        return ()
 
     @cached_property
     def pieces(self) -> int:
@@ -141,6 +188,15 @@ class SpringNet:
 Mesh = TetMesh | SpringNet
 
 
+def present_numbers(mesh: Mesh, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Nodes' numbers in the file, those of merged nodes replaced by that of their node."""
+    if not len(mesh.joined):
+        return numbers
+    gone, row = mesh.joined[np.argsort(mesh.joined[:, 0])].T
+    place = np.minimum(np.searchsorted(gone, numbers), len(gone) - 1)
+    return np.where(gone[place] == numbers, mesh.kept_nodes[row[place]], numbers)
+
+
 def tet_mesh(points: ArrayLike, tets: ArrayLike) -> TetMesh:
     """A TetMesh of untidy input: unused nodes are dropped and wrongly oriented tets turned round,
     both counted.  Raises MeshError for degenerate or repeated tets, named by number (from 0).
@@ -152,16 +208,21 @@ def tet_mesh(points: ArrayLike, tets: ArrayLike) -> TetMesh:
     turned = check_tets(nodes, corners)
     corners[turned] = corners[turned][:, [0, 1, 3, 2]]
     dropped = len(np.asarray(points)) - len(nodes)
-    return TetMesh(nodes, corners, kept, flipped=int(turned.sum()), dropped_nodes=dropped)
+    backward = np.flatnonzero(turned).astype(np.int32)
+    return TetMesh(nodes, corners, kept, backward, dropped, checked=True)
 
 
 def spring_net(points: ArrayLike, edges: ArrayLike) -> SpringNet:
-    """A SpringNet of untidy input: repeated edges are merged, unused nodes dropped and counted."""
+    """A SpringNet of untidy input: repeated edges are merged, unused nodes dropped, both told."""
     rows = index_rows(edges, 2, "spring")
     check_range(rows, "spring", len(np.asarray(points)))
-    nodes, ends, kept = only_used(points, topology.unique_edges(rows), "spring")
+    unique = topology.unique_edges(rows)
+    nodes, ends, kept = only_used(points, unique, "spring")
     dropped = len(np.asarray(points)) - len(nodes)
-    return SpringNet(nodes, ends, np.empty((0, 3), np.int32), kept, dropped_nodes=dropped)
+    twice = len(rows) - len(unique)
+    told = (f"{twice} springs that join the same nodes as others count once",) if twice else ()
+    nothing = np.empty((0, 3), np.int32)
+    return SpringNet(nodes, ends, nothing, kept, dropped_nodes=dropped, warnings=told)
 
 
 def bare_net(points: ArrayLike, springs: ArrayLike, surface: ArrayLike = ()) -> SpringNet:

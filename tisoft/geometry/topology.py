@@ -28,27 +28,70 @@ def edges_of(tets: NDArray[np.integer]) -> Ints:
 
 def boundary_faces(tets: NDArray[np.integer]) -> Ints:
     """Triangles of one tet only, shape (triangles, 3), normals outward, in tet order."""
+    return faces_at(np.asarray(tets), match_faces(tets)[0]).astype(np.int32)
+
+
+def faces_at(tets: NDArray[np.integer], slots: NDArray[np.integer]) -> NDArray[np.integer]:
+    """Nodes of faces, shape (slots, 3), normals outward; slot = 4 tet + the corner opposite."""
+    return tets[slots[:, None] // 4, TET_FACES[slots % 4]]
+
+
+def is_even(tets: NDArray[np.integer], slots: NDArray[np.integer]) -> NDArray[np.bool_]:
+    """Whether each face is an even permutation of its sorted nodes.
+
+    Two tets on either side of a face see it in opposite senses: one even, one odd.
+    """
+    a, b, c = faces_at(tets, slots).T
+    return (a < b).astype(np.int8) + (b < c) + (c < a) == 2
+
+
+def match_faces(
+    tets: NDArray[np.integer],
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Faces by how many tets have them, as slots (4 tet + the corner opposite).
+
+    Returns those of one tet, ascending; those of two, shape (faces, 2); and those of three or more.
+    """
     faces = np.asarray(tets)[:, TET_FACES].reshape(-1, 3)
     low, middle, high = np.sort(faces.astype(np.int64), axis=1).T
-    keys = low * (int(high.max(initial=0)) + 1) + middle
-    order = np.lexsort((high, keys))
-    keys, high = keys[order], high[order]
-    same = (keys[1:] == keys[:-1]) & (high[1:] == high[:-1])
-    alone = np.ones(len(order), dtype=bool)
-    alone[1:] &= ~same
-    alone[:-1] &= ~same
-    return faces[np.sort(order[alone])].astype(np.int32)
+    span = int(high.max(initial=0)) + 1
+    keys = low * span + middle
+    if span < 2**21:  # all three in one number
+        keys = keys * span + high
+        order = np.argsort(keys, kind="stable")
+        new = np.ones(len(order), dtype=bool)
+        new[1:] = keys[order[1:]] != keys[order[:-1]]
+    else:
+        order = np.lexsort((high, keys))
+        keys, high = keys[order], high[order]
+        new = np.ones(len(order), dtype=bool)
+        new[1:] = (keys[1:] != keys[:-1]) | (high[1:] != high[:-1])
+    starts = np.flatnonzero(new)
+    counts = np.diff(np.append(starts, len(order)))
+    twos = starts[counts == 2]
+    many = np.repeat(counts > 2, counts)
+    return (
+        np.sort(order[starts[counts == 1]]),
+        np.stack([order[twos], order[twos + 1]], axis=1),
+        np.sort(order[many]),
+    )
 
 
 def pieces(edges: NDArray[np.integer], nodes: int) -> int:
     """Number of connected pieces of `nodes` nodes joined by `edges`; a lone node is a piece."""
+    return int(piece_of(edges, nodes).max(initial=-1)) + 1
+
+
+def piece_of(edges: NDArray[np.integer], nodes: int) -> Ints:
+    """The piece, counted from 0, that each node belongs to, shape (nodes,)."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
     ends = np.asarray(edges, dtype=np.int32).reshape(-1, 2)
     ones = np.ones(len(ends), dtype=np.int8)
     graph = coo_array((ones, (ends[:, 0], ends[:, 1])), shape=(nodes, nodes))
-    return int(connected_components(graph, directed=False, return_labels=False))
+    labels: Ints = connected_components(graph, directed=False)[1]
+    return labels
 
 
 def incidence(cells: NDArray[np.integer], nodes: int) -> tuple[Ints, Ints]:

@@ -316,7 +316,8 @@ MODELS: dict[str, type[SolidModel] | type[MassSpring]] = {
 def model_of(word: str) -> type[SolidModel]:
     """A model for a law of `LAWS` that needs no parameters but those of every solid."""
     name = word.title().replace("-", "")
-    made = dataclass(frozen=True)(type(name, (SolidModel,), {"law": word, "__doc__": LAWS[word]}))
+    base: type[SolidModel] = type(name, (SolidModel,), {"law": word, "__doc__": LAWS[word]})
+    made = dataclass(frozen=True)(base)
     MODELS[word] = made
     return made
 

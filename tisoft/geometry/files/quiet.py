@@ -41,7 +41,10 @@ def no_surprises(path: Path) -> Iterator[None]:
         raise MeshError("it announces more than its size can hold; the file is damaged") from error
     except (SystemExit, Exception) as error:
         reason = _first_sentence(printed.getvalue(), error)
-        raise MeshError(f"the file is damaged or not of this format ({reason})") from error
+        raise MeshError(
+            f"meshio, which reads this format, cannot read it ({reason}): it is damaged, or holds "
+            "what meshio does not know; try it as Gmsh, VTU or Abaqus file"
+        ) from error
 
 
 class _EofError(Exception):

@@ -1,0 +1,46 @@
+"""Meshes and data written to VTU files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tisoft.errors import SceneError
+
+
+def write_vtu(
+    path: str | os.PathLike[str],
+    points: ArrayLike,
+    *,
+    tets: ArrayLike | None = None,
+    triangles: ArrayLike | None = None,
+    lines: ArrayLike | None = None,
+    point_data: Mapping[str, ArrayLike] | None = None,
+    cell_data: Mapping[str, ArrayLike] | None = None,
+) -> None:
+    """Writes points [m], cells and data to a VTU file (binary, compressed), whole or not at all.
+
+    An array of `point_data` has a row per node, one of `cell_data` a row per cell, in the order
+    tets, triangles, lines.  Raises SceneError where the file cannot be written.
+    """
+    import meshio
+
+    kinds = (("tetra", tets), ("triangle", triangles), ("line", lines))
+    blocks = [(kind, np.asarray(rows)) for kind, rows in kinds if rows is not None]
+    ends = np.cumsum([len(rows) for _, rows in blocks])[:-1]
+    per_cell = {name: np.split(np.asarray(v), ends) for name, v in (cell_data or {}).items()}
+    per_point = {name: np.asarray(v) for name, v in (point_data or {}).items()}
+    mesh = meshio.Mesh(np.asarray(points), blocks, point_data=per_point, cell_data=per_cell)
+    path = Path(path)
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        mesh.write(part, file_format="vtu")
+        os.replace(part, path)
+    except OSError as error:
+        raise SceneError(f"{path} cannot be written: {error.strerror or error}") from error
+    finally:
+        part.unlink(missing_ok=True)
