@@ -58,14 +58,15 @@ def load(path: str | os.PathLike[str], *, arch: str = "cpu", threads: int | None
     from tisoft.simulation import Simulation
 
     content, arrays = checkpoint.read(path)
-    simulation = Simulation(
-        content["scene"],
-        arch=arch,
-        precision=content["precision"],
-        certify=content["certify"],
-        threads=threads,
-    )
-    put(simulation, content, arrays)
+    with checkpoint.damage_told(path):
+        simulation = Simulation(
+            content["scene"],
+            arch=arch,
+            precision=content["precision"],
+            certify=content["certify"],
+            threads=threads,
+        )
+        put(simulation, content, arrays)
     return simulation
 
 
@@ -82,8 +83,8 @@ def put(simulation: Simulation, content: Any, arrays: dict[str, NDArray[Any]]) -
         part.shift = shift
     for name in STATE:
         runtime.write(getattr(system, name), arrays[name])
-    for name, value in content["numbers"].items():
-        setattr(simulation, name, value)
+    for name in COUNTERS:
+        setattr(simulation, name, content["numbers"][name])
     simulation.steps = arrays["steps"].tolist()
     simulation.recoveries = [Recovery(**recovery) for recovery in content["recoveries"]]
     if content["limit"] is not None:

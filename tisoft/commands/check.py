@@ -17,7 +17,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     """The command's options."""
     common.add_scene(parser)
     parser.add_argument(
-        "--picture", metavar="FILE",
+        "--picture", metavar="FILE", type=common.place,
         help="draw the worst mechanism of the springs, else the stable step of every element",
     )  # fmt: skip
 

@@ -36,7 +36,12 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", nargs="?", metavar="NAME", help=f"of the demo ({FIRST})")
     parser.add_argument("--list", action="store_true", help="name the demos")
     parser.add_argument(
-        "-o", "--output", metavar="DIR", default=".", help="where the files go (this folder)"
+        "-o",
+        "--output",
+        metavar="DIR",
+        type=common.place,
+        default=".",
+        help="where the files go (this folder)",
     )
     common.add_settings(parser)
     common.add_machine(parser)
@@ -78,7 +83,8 @@ def execute(options: argparse.Namespace) -> int:
         raise SceneError(f'there is no demo "{name}"; choose one of {", ".join(known)}')
     folder = make_folder(options.output)
     if file.suffix == ".py":
-        return subprocess.run([sys.executable, str(file)], cwd=folder, check=False).returncode
+        code = subprocess.run([sys.executable, str(file)], cwd=folder, check=False).returncode
+        return code if code >= 0 else 128 - code  # ended by a signal
     options.scene = str(file)
     scene = common.scene_of(options)
     stem = name if options.name else "demo"

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 from tisoft import runtime
 from tisoft.commands import common
 from tisoft.errors import NoEquilibrium
-from tisoft.whole_files import as_json, make_folder, write_text
+from tisoft.folders import ResultFolder
+from tisoft.scene import Scene
+from tisoft.whole_files import as_json, write_text
 
 if TYPE_CHECKING:
     from tisoft.dynamics.statics import Equilibrium
@@ -24,14 +26,15 @@ EXAMPLES = """examples:
 
 Loads, gravity and moved pins act as at t = duration; obstacles are left out."""
 
+FILES = ("summary.json", "probes.csv", "energy.csv", "equilibrium.vtu")
+
 
 def add(parser: argparse.ArgumentParser) -> None:
     """The command's options."""
     common.add_scene(parser)
-    parser.add_argument(
-        "-o", "--output", metavar="OUT",
-        help="a folder for the results, made where it is missing, or a picture (.png)",
-    )  # fmt: skip
+    common.add_place(
+        parser, "OUT", "a folder for the results, made where it is missing, or a picture (.png)"
+    )
     common.add_picture(parser)
 
 
@@ -39,12 +42,27 @@ def execute(options: argparse.Namespace) -> int:
     """Solve and report; exit code 4 where no equilibrium was found."""
     scene = common.scene_of(options)
     runtime.import_taichi()
+    runtime.start(options.arch)
+    picture = bool(options.output) and Path(options.output).suffix.lower() == ".png"
+    if not options.output or picture:
+        sim, result = _solve(scene, options)
+        if picture:
+            _draw(sim, options.output)
+    else:
+        with ResultFolder(options.output, common.owner_of(options, "static")) as folder:
+            folder.foresee(FILES)
+            sim, result = _solve(scene, options)
+            folder.begin(FILES)
+            _save(sim, folder.path, result)
+    _tell(options, result)
+    return 0
+
+
+def _solve(scene: Scene, options: argparse.Namespace) -> tuple[Simulation, dict[str, Any]]:
+    """The scene in equilibrium, and the result."""
     from tisoft.dynamics.statics import equilibrium
     from tisoft.simulation import Simulation
 
-    picture = bool(options.output) and Path(options.output).suffix.lower() == ".png"
-    folder = make_folder(options.output) if options.output and not picture else None
-    runtime.start(options.arch)
     try:
         found = equilibrium(scene)
     except NoEquilibrium as error:
@@ -53,13 +71,7 @@ def execute(options: argparse.Namespace) -> int:
         raise
     sim = Simulation(scene, arch=options.arch, precision="f64", certify=False)
     sim.set_state(found.positions, 0.0 * found.positions)
-    result = _result(sim, found)
-    if folder is not None:
-        _save(sim, folder, result)
-    if picture:
-        _draw(sim, options.output)
-    _tell(options, result)
-    return 0
+    return sim, _result(sim, found)
 
 
 def _failed(error: NoEquilibrium) -> dict[str, Any]:

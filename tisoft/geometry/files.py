@@ -13,11 +13,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tisoft.errors import MeshError, SceneError
+from tisoft.errors import MeshError
 from tisoft.geometry.gmsh import read_gmsh_text
 from tisoft.geometry.mesh import SpringNet, TetMesh, spring_net, tet_mesh
 from tisoft.geometry.quiet import guarded, no_surprises
 from tisoft.geometry.vtk import check_vtk, read_vtu, vtk_counts
+from tisoft.whole_files import written
 
 Blocks = list[tuple[str, NDArray[np.int64]]]
 Content = tuple[NDArray[np.float64], Blocks]
@@ -70,15 +71,8 @@ def write_vtu(
     per_cell = {name: np.split(np.asarray(v), ends) for name, v in (cell_data or {}).items()}
     per_point = {name: np.asarray(v) for name, v in (point_data or {}).items()}
     mesh = meshio.Mesh(np.asarray(points), blocks, point_data=per_point, cell_data=per_cell)
-    path = Path(path)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        mesh.write(part, file_format="vtu")
-        os.replace(part, path)
-    except OSError as error:
-        raise SceneError(f"{path} cannot be written: {error.strerror or error}") from error
-    finally:
-        part.unlink(missing_ok=True)
+    with written(Path(path)) as file:
+        mesh.write(Path(file.name), file_format="vtu")  # it wants to open files itself
 
 
 def _check_readable(path: Path) -> None:
