@@ -265,7 +265,8 @@ class ResultFolder:
 
 def is_unfinished(folder: Path, manifest: Manifest) -> bool:
     """Whether a run ended before its time and left a checkpoint to go on from."""
-    return manifest.state in ("running", "interrupted") and (folder / CHECKPOINT).is_file()
+    begun = manifest.state in ("running", "interrupted") and manifest.progress > 0.0
+    return begun and (folder / CHECKPOINT).is_file()
 
 
 def read_manifest(folder: Path, *, lenient: bool = False) -> Manifest | None:

@@ -10,8 +10,8 @@ that would do harm:
 | `between_frames()`: stepping | is noted, for the end of the frame; raises after PATIENCE        |
 | `settled()` was called       | nothing: the result is written, the command ends as it would     |
 
-What is noted stays noted: a library that swallows the exception does not swallow the end.  A signal
-that the parent of this process ignores (`nohup`, a shell's background job) stays ignored.
+What is noted stays noted, and is raised again after a while: a library that swallows the exception
+does not swallow the end.  A signal that the parent of this process ignores (`nohup`, a shell's background job) stays ignored.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import Any
+from typing import Any, NoReturn
 
 SIGNALS = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
 GRACE = 1.0
-"""Seconds after a signal in which more of them are the same wish."""
+"""Seconds after a signal in which more of them are the same wish, and the end has time to come."""
 PATIENCE = 3.0
 """Seconds that a frame may take to end by itself; who asked sends SIGKILL after ten or so."""
 
@@ -72,16 +72,21 @@ class _Wish:
         if first and self.between_frames:
             _alarm(PATIENCE)
         elif first or again:
-            raise Stopped(self.number or number)
+            self._raise()
 
-    def lose_patience(self, number: int, frame: FrameType | None) -> None:
-        """The handler of the alarm that ends a long frame."""
-        if self.number is None or self.settled or not self.between_frames:
+    def remind(self, number: int, frame: FrameType | None) -> None:
+        """The handler of the alarm: a frame is long, or somebody has swallowed the exception."""
+        if self.number is None or self.settled:
             return
         if self.held:
             _alarm(0.1)
         else:
-            raise Stopped(self.number)
+            self._raise()
+
+    def _raise(self) -> NoReturn:
+        assert self.number is not None
+        _alarm(GRACE)
+        raise Stopped(self.number)
 
 
 _wish = _Wish()
@@ -126,7 +131,7 @@ def _handle(wish: _Wish) -> dict[int, Any]:
         if signal.getsignal(number) is not signal.SIG_IGN:
             before[number] = signal.signal(number, wish.note)
     if hasattr(signal, "SIGALRM"):
-        before[signal.SIGALRM] = signal.signal(signal.SIGALRM, wish.lose_patience)
+        before[signal.SIGALRM] = signal.signal(signal.SIGALRM, wish.remind)
     return before
 
 
