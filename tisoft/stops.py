@@ -11,7 +11,8 @@ that would do harm:
 | `settled()` was called       | nothing: the result is written, the command ends as it would     |
 
 What is noted stays noted, and is raised again after a while: a library that swallows the exception
-does not swallow the end.  A signal that the parent of this process ignores (`nohup`, a shell's background job) stays ignored.
+does not swallow the end.  A signal that the parent of this process ignores (`nohup`, a shell's
+background job) stays ignored.
 """
 
 from __future__ import annotations

@@ -1,46 +1,19 @@
-"""A small scene, and processes that are stopped from outside."""
-
-import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
-SCENE = """
-duration = 0.2
-frame_rate = 50
+sys.path.insert(0, str(Path(__file__).parent))  # for the helpers beside the tests
 
-[[body]]
-name = "beam"
-young = 1e5
-poisson = 0.3
-density = 1000.0
-
-[body.mesh]
-box = { size = [0.5, 0.2, 0.2], cells = [3, 1, 1] }
-
-[[body.pin]]
-where = { box = [[-1e-6, -1, -1], [1e-6, 1, 1]] }
-
-[[probe]]
-name = "tip"
-body = "beam"
-point = [0.5, 0.2, 0.2]
-
-[render]
-size = [48, 32]
-samples = 1
-"""
+import stopping
 
 
 @pytest.fixture
 def scene(tmp_path):
     path = tmp_path / "beam.toml"
-    path.write_text(SCENE, encoding="utf-8")
+    path.write_text(stopping.SCENE, encoding="utf-8")
     return str(path)
 
 
@@ -56,19 +29,17 @@ def deaf_to_nothing():
 
 @pytest.fixture
 def start(tmp_path):
-    """Starts `tisoft` with arguments in a folder; its processes end with the test."""
+    """Starts `tisoft` with arguments in the test's folder; its processes end with the test."""
     children = []
-    paths = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
 
     def begin(*arguments, **options):
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
         child = subprocess.Popen(
             [sys.executable, "-m", "tisoft", *arguments],
             cwd=tmp_path,
-            env=os.environ | {"PYTHONPATH": paths},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
+            env=stopping.environment(),
             text=True,
-            **options,
+            **pipes | options,
         )
         children.append(child)
         return child
@@ -76,19 +47,7 @@ def start(tmp_path):
     yield begin
     for child in children:
         child.kill()
-        child.communicate()
-
-
-def wait_for(condition, child, seconds=60.0):
-    """Wait until a condition holds or the process has ended."""
-    end = time.monotonic() + seconds
-    while not condition() and child.poll() is None:
-        assert time.monotonic() < end
-        time.sleep(0.002)
-
-
-def heeds_signals(child):
-    """Whether the process has its handlers in place (Linux)."""
-    status = Path(f"/proc/{child.pid}/status").read_text()
-    caught = int(status.split("SigCgt:")[1].split()[0], 16)
-    return bool(caught >> (signal.SIGTERM - 1) & 1)
+        child.wait()
+        for pipe in (child.stdout, child.stderr):
+            if pipe is not None:
+                pipe.close()
