@@ -109,9 +109,9 @@ class ResultFolder:
         self._lock: int | None = None
 
     def __enter__(self) -> Self:
-        self._made = [p for p in (self.path, *self.path.parents) if not p.exists()]
-        make_folder(self.path)
         try:
+            self._made = [p for p in (self.path, *self.path.parents) if not p.exists()]
+            make_folder(self.path)
             self._lock = self._locked()
             sweep(self.path)
             sweep(self.path / "frames")

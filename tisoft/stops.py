@@ -18,6 +18,7 @@ background job) stays ignored.
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -84,6 +85,13 @@ class _Wish:
         else:
             self._raise()
 
+    def call_back(self, lost: Any) -> bool:
+        """Whether this is an end that came where nothing can be raised; it comes again at once."""
+        mine = isinstance(lost.exc_value, Stopped)
+        if mine:
+            _alarm(0.001)
+        return mine
+
     def _raise(self) -> NoReturn:
         assert self.number is not None
         _alarm(GRACE)
@@ -107,7 +115,8 @@ def heeding(work: Callable[[], int], tell: Callable[[str, int], int], *, last: b
         return work()  # only the main thread is told of signals
     outer, _wish = _wish, _Wish()
     _wish.held = 1
-    before = _handle(_wish)
+    before, hook = _handle(_wish), sys.unraisablehook
+    sys.unraisablehook = lambda lost: _wish.call_back(lost) or hook(lost)
     try:
         try:
             _wish.held = 0
@@ -122,6 +131,7 @@ def heeding(work: Callable[[], int], tell: Callable[[str, int], int], *, last: b
         _alarm(0.0)
         for number, handler in before.items():
             signal.signal(number, signal.SIG_IGN if last else handler)
+        sys.unraisablehook = hook
         _wish = outer
 
 

@@ -91,7 +91,7 @@ def execute(options: argparse.Namespace) -> int:
     film_file, picture_file = folder / f"{stem}.mp4", folder / f"{stem}.png"
     run, film = draw(scene, options, film_file, kept=MOMENTS.get(name, 1.0))
     lines = []
-    if film.kept is not None:
+    if film is not None and film.kept is not None:
         from tisoft.render.video import open_sink
 
         with open_sink(picture_file, scene.render.size, scene.frame_rate) as sink:

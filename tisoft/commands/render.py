@@ -40,7 +40,7 @@ def execute(options: argparse.Namespace) -> int:
     pictures = round(scene.duration * scene.frame_rate) + 1
     owner = common.owner_of(options, "render", pictures=pictures)
     run, film = draw(scene, options, options.output, owner=owner)
-    count = film.sink.kept
+    count = film.sink.kept if film else 0
     size = "{} x {}".format(*scene.render.size)
     many = "picture" if count == 1 else "pictures"
     told = [f"{options.output}: {count} {many} of {size} pixels"] if count else []
@@ -54,10 +54,11 @@ def draw(
     *,
     owner: Owner | None = None,
     kept: float | None = None,
-) -> tuple[common.Run, Film]:
+) -> tuple[common.Run, Film | None]:
     """Simulate twice: a first look fixes the view and the colours, the second run is drawn.
 
-    The film keeps the picture at the share `kept` of the run in `film.kept`.
+    The film keeps the picture at the share `kept` of the run in `film.kept`.  There is none where
+    the run was stopped before.
     """
     sim = common.simulation_of(scene, options)
 
@@ -65,8 +66,9 @@ def draw(
     from tisoft.observers.progress import Progress
 
     run = common.Run(sim)
-    with run.ended(), film_to(output, scene, owner) as film:  # first: a wrong place is told at once
-        look = Look(scene.render.color)
+    film: Film | None = None
+    with run.ended(), film_to(output, scene, owner) as film_there:  # a wrong place is told at once
+        film, look = film_there, Look(scene.render.color)
         run.step(observers=[look, Progress("looking", quiet=options.quiet)])
         run.sim = common.simulation_of(scene, options)
         run.sim.compile_seconds += sim.compile_seconds

@@ -107,12 +107,15 @@ class Sink:
 
     def __enter__(self) -> Self:
         try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            sweep(self.path.parent, self.path)
-            self._begin()
-        except OSError as error:
+            with stops.held():
+                self.path.parent.mkdir(parents=True, exist_ok=True)
+                sweep(self.path.parent, self.path)
+                self._begin()
+        except BaseException as error:
             self._discard()
-            raise refusal(self.path, error) from error
+            if isinstance(error, OSError):
+                raise refusal(self.path, error) from error
+            raise
         return self
 
     def __exit__(
@@ -191,7 +194,7 @@ class FolderSink(Sink):
         self._folder.__enter__()
         try:
             self._folder.foresee((), {PICTURE: (1, self._expected - 1)})
-        except SceneError as error:
+        except BaseException as error:
             self._folder.__exit__(type(error), error, None)
             raise
         return self
