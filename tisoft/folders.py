@@ -239,11 +239,12 @@ class ResultFolder:
             self._leave()
 
     def _leave(self) -> None:
+        mine = self._lock is not None and self._manifest is None
+        for folder in self._made if mine else ():
+            with contextlib.suppress(OSError):  # somebody has put something into it
+                folder.rmdir()
         unlock(self._lock)
         self._lock = None
-        for folder in self._made if self._manifest is None else ():
-            with contextlib.suppress(OSError):
-                folder.rmdir()
 
     def _write(self, manifest: Manifest) -> None:
         write_text(self.path / MANIFEST, manifest.as_text())
@@ -261,6 +262,19 @@ class ResultFolder:
         for folder in folders - {self.path}:
             with contextlib.suppress(OSError):  # holds something of the user
                 folder.rmdir()
+
+
+def check_free(path: Path) -> None:
+    """Refuse a single file whose name is one of the result that its folder belongs to.
+
+    Raises:
+        SceneError: it is.
+    """
+    older = read_manifest(path.parent, lenient=True)
+    if older is not None and path.name in older.names():
+        raise SceneError(
+            f"{path} belongs to the result of {older.title} in that folder; name another file"
+        )
 
 
 def is_unfinished(folder: Path, manifest: Manifest) -> bool:

@@ -39,7 +39,7 @@ def environment():
     return os.environ | {"PYTHONPATH": paths}
 
 
-def wait_for(condition, child, seconds=60.0):
+def wait_for(condition, child, seconds=300.0):
     """Wait until a condition holds or the process has ended."""
     end = time.monotonic() + seconds
     while not condition() and child.poll() is None:

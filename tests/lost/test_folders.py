@@ -9,7 +9,6 @@ import pytest
 
 from tisoft.cli import main
 from tisoft.folders import MANIFEST, Owner, ResultFolder, read_manifest
-from tisoft.observers.checkpoints import Checkpoints
 from tisoft.observers.progress import Progress
 
 
@@ -125,7 +124,6 @@ def test_resume_for_shorter_leaves_no_later_frames(scene, tmp_path, monkeypatch)
     out = tmp_path / "out"
     run = ["run", scene, "-o", str(out), "--quiet", "--save-every", "1"]
     with monkeypatch.context() as patch:
-        patch.setattr(Checkpoints, "_saved", lambda self: None, raising=False)
         patch.setattr("tisoft.commands.run._save_end", lambda run, kept: None)
         assert main([*run, "--set", "checkpoint_every=3"]) == 0  # as if killed after the end
     assert main([*run, "--resume", "--set", "duration=0.18"]) == 0
@@ -227,3 +225,15 @@ def test_a_link_is_removed_and_not_what_it_points_to(scene, tmp_path):
     before = (tmp_path / "kept.json").read_bytes()
     assert main([*run, "--set", "duration=0.1"]) == 0
     assert (tmp_path / "kept.json").read_bytes() == before
+
+
+def test_a_picture_does_not_replace_one_of_a_folder_that_belongs_to_a_result(
+    scene, tmp_path, capsys
+):
+    out = tmp_path / "out"
+    assert main(["render", scene, "-o", str(out), "--quiet"]) == 0
+    before = (out / "frame_00003.png").read_bytes()
+    assert main(["check", scene, "--picture", str(out / "frame_00003.png")]) == 2
+    assert "belongs to the result of tisoft render beam.toml" in told(capsys)
+    assert (out / "frame_00003.png").read_bytes() == before
+    assert main(["check", scene, "--quiet", "--picture", str(out / "check.png")]) == 0

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import re
-import subprocess
-import sys
+import runpy
 from pathlib import Path
 
 from tisoft.commands import common
@@ -83,8 +83,9 @@ def execute(options: argparse.Namespace) -> int:
         raise SceneError(f'there is no demo "{name}"; choose one of {", ".join(known)}')
     folder = make_folder(options.output)
     if file.suffix == ".py":
-        code = subprocess.run([sys.executable, str(file)], cwd=folder, check=False).returncode
-        return code if code >= 0 else 128 - code  # ended by a signal
+        with contextlib.chdir(folder):
+            runpy.run_path(str(file), run_name="__main__")
+        return 0
     options.scene = str(file)
     scene = common.scene_of(options)
     stem = name if options.name else "demo"

@@ -25,7 +25,7 @@ from PIL import Image
 
 from tisoft import stops
 from tisoft.errors import SceneError
-from tisoft.folders import Owner, ResultFolder
+from tisoft.folders import Owner, ResultFolder, check_free
 from tisoft.whole_files import ends_well, lock, part_name, refusal, sweep, unlock, written
 
 Picture = NDArray[np.uint8]
@@ -109,6 +109,7 @@ class Sink:
         try:
             with stops.held():
                 self.path.parent.mkdir(parents=True, exist_ok=True)
+                check_free(self.path)
                 sweep(self.path.parent, self.path)
                 self._begin()
         except BaseException as error:
