@@ -156,7 +156,7 @@ def held() -> Iterator[None]:
         yield
     finally:
         wish.held -= 1
-    if wish.number is not None and was is None and not wish.between_frames:
+    if was is None and not wish.held and not wish.between_frames:
         raise_if_asked()
 
 

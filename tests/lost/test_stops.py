@@ -188,3 +188,18 @@ def test_after_sigkill_the_tables_are_there_and_the_run_goes_on(scene, tmp_path,
     assert main(["run", scene, "-o", str(whole), *same]) == 0
     for name in ("probes.csv", "energy.csv"):
         assert (out / name).read_bytes() == (whole / name).read_bytes()
+
+
+def test_a_signal_waits_for_the_outermost_file():
+    seen = []
+
+    def work():
+        with stops.held():
+            with stops.held():
+                signal.raise_signal(signal.SIGTERM)
+            seen.append("inner")
+        seen.append("outer")
+        return 0
+
+    assert stops.heeding(work, lambda told, code: code) == 143
+    assert seen == ["inner"]
