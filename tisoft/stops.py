@@ -172,6 +172,19 @@ def between_frames() -> Iterator[None]:
         _alarm(0.0)
 
 
+@contextmanager
+def kept_back() -> Iterator[None]:
+    """Keep signals back: a process that is started inside never gets them."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def settled() -> None:
     """From here on the command ends as it would, whoever asks."""
     _wish.settled = True

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from tisoft.cli import main
-from tisoft.folders import MANIFEST, Owner, ResultFolder, read_manifest
+from tisoft.folders import Owner, ResultFolder
+from tisoft.manifest import MANIFEST, read_manifest
 from tisoft.observers.progress import Progress
 
 

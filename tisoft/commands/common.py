@@ -160,7 +160,7 @@ class Run:
         self.error = str(error)
         if isinstance(error, KeyboardInterrupt):
             self.code, self.status = getattr(error, "exit_code", 130), "interrupted"
-            self.error = f"{error or 'interrupted'}; what was written is whole"
+            self.error = f"{str(error) or 'interrupted'}; what was written is whole"
         elif isinstance(error, Diverged):
             self.code, self.status = error.exit_code, "diverged"
         elif isinstance(error, Unwritable) and self.sim.frame:

@@ -11,7 +11,8 @@ from tisoft import runtime
 from tisoft.checks import FieldError
 from tisoft.commands import common
 from tisoft.errors import SceneError
-from tisoft.folders import CHECKPOINT, ResultFolder
+from tisoft.folders import ResultFolder
+from tisoft.manifest import CHECKPOINT
 from tisoft.scene import Scene
 from tisoft.whole_files import Unwritable, as_json, write_text
 
@@ -139,8 +140,12 @@ def _take(folder: ResultFolder, sim: Simulation, every: int, frame: int) -> None
 
 def _save_end(run: common.Run, kept: Checkpoints) -> None:
     """Keep the state that the run ended in, to go on from."""
-    if run.is_whole and run.status in ("done", "interrupted"):
-        kept.save(run.sim)
+    try:
+        if run.is_whole and run.status in ("done", "interrupted"):
+            kept.save(run.sim)
+    except Unwritable as error:
+        if run.code == 0:  # else what happened first is told
+            run.code, run.status, run.error = error.exit_code, "failed", str(error)
     if run.status != "done" and kept.exist:
         run.error = f"{run.error}; go on with --resume"
 

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from tisoft import checkpoint, resume
 from tisoft.checks import FieldError, joined, shown
 from tisoft.errors import SceneError
-from tisoft.folders import CHECKPOINT, ResultFolder
+from tisoft.folders import ResultFolder
+from tisoft.manifest import CHECKPOINT
 from tisoft.scene import Scene
 from tisoft.simulation import Frame, Simulation
 

@@ -11,10 +11,8 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-import signal
 import subprocess
 import tempfile
-from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Self
@@ -243,7 +241,7 @@ class FilmSink(Sink):
         ]
         self._log = tempfile.TemporaryFile()
         # Its own session, and deaf: signals are for the simulation, which then ends the film.
-        with _blocked(stops.SIGNALS):
+        with stops.kept_back():
             self._encoder = subprocess.Popen(
                 command, stdin=subprocess.PIPE, stderr=self._log, start_new_session=True
             )
@@ -292,19 +290,6 @@ class FilmSink(Sink):
         if self._log is not None:
             self._log.close()
         super()._discard()
-
-
-@contextlib.contextmanager
-def _blocked(signals: Iterable[int]) -> Iterator[None]:
-    """Hold signals back; a process started inside never gets them."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, signals)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _partial_name(path: Path) -> Path:
