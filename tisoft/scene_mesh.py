@@ -65,14 +65,6 @@ def _split(field: str, value: Any) -> str:
     return checks.choice(field, value, ("five", "six"))
 
 
-def _most_cells(keys: Table) -> str:
-    return f"cells[{keys['cells'].index(max(keys['cells']))}]"
-
-
-def _finest(keys: Table) -> str:
-    return "resolution"
-
-
 def _layers_or_rings(keys: Table) -> str:
     return "resolution" if 18.0 * keys["resolution"] ** 2 > MOST_ELEMENTS else "height"
 
@@ -88,14 +80,14 @@ SHAPES: dict[str, Shape] = {
         shapes.box,
         {"size": _lengths(3), "cells": _cells(3), "split": _split},
         lambda keys: (6.0 if keys.get("split") == "six" else 5.0) * math.prod(keys["cells"]),
-        _most_cells,
+        lambda keys: "cells",
         ("split",),
     ),
     "ball": Shape(
         shapes.ball,
         {"radius": _length, "resolution": _count},
         lambda keys: 20.0 * keys["resolution"] ** 3,
-        _finest,
+        lambda keys: "resolution",
     ),
     "cylinder": Shape(
         shapes.cylinder,
@@ -107,14 +99,14 @@ SHAPES: dict[str, Shape] = {
         shapes.cloth,
         {"size": _lengths(2), "cells": _cells(2), "diagonals": checks.flag},
         lambda keys: 4.0 * math.prod(keys["cells"]),
-        _most_cells,
+        lambda keys: "cells",
         ("diagonals",),
     ),
     "grid": Shape(
         shapes.grid,
         {"size": _lengths(3), "cells": _cells(3), "diagonals": checks.flag},
         lambda keys: 9.0 * math.prod(keys["cells"]),
-        _most_cells,
+        lambda keys: "cells",
         ("diagonals",),
     ),
 }

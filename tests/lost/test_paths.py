@@ -111,7 +111,7 @@ def test_a_folder_that_may_not_be_written_is_told(line, here, capsys):
         ("box = { size = [0.5, 0.2, 1e-9], cells = [2, 1, 1] }", "box.size[2] = 1e-9 makes cells"),
         (
             "box = { size = [1, 1, 1], cells = [300, 300, 300] }",
-            "box.cells[0] = 300 makes 1.35e+08",
+            "box.cells = [300, 300, 300] makes 1.35e+08",
         ),
         (
             "cylinder = { radius = 1, height = 1e30, resolution = 2 }",
