@@ -96,9 +96,7 @@ def pull(model, stretch):
     body.pin(ts.where.box((-1e-6, -9, -9), (1e-6, 9, 9)), "x")
     body.pin(ts.where.nearest((0, 0, 0)))
     body.pin(ts.where.nearest((0, 0, 1)), "xy")
-    body.pin(
-        ts.where.box((1 - 1e-6, -9, -9), (1 + 1e-6, 9, 9)), "x", velocity=(stretch - 1, 0, 0)
-    )
+    body.pin(ts.where.box((1 - 1e-6, -9, -9), (1 + 1e-6, 9, 9)), "x", velocity=(stretch - 1, 0, 0))
     scene.duration = 1.0
     return ts.Simulation(scene).equilibrium().reactions[:, 0].clip(0).sum()
 

@@ -1,11 +1,9 @@
-"""The shipped demos run, draw, and show what they say; so do the README's examples."""
+"""The shipped demos run, draw, and show what they say."""
 
 import json
 import os
-import re
 import subprocess
 import sys
-import tomllib
 import zipfile
 from pathlib import Path
 
@@ -19,11 +17,6 @@ from tisoft.commands.demo import demos
 
 ROOT = Path(__file__).parents[1]
 SCENES = [name for name, file in demos().items() if file.suffix == ".toml"]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-
-
-def blocks(language):
-    return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
 
 
 def test_list_names_every_demo_with_a_sentence(capsys):
@@ -106,25 +99,3 @@ def test_wheel_runs_the_demo(tmp_path):
         env={key: value for key, value in os.environ.items() if key != "PYTHONPATH"},
     )
     assert (tmp_path / "site" / "demo.mp4").is_file()
-
-
-def test_readme_scene_runs(tmp_path, capsys):
-    (text,) = blocks("toml")
-    assert tomllib.loads(text)["duration"] == 1.0
-    scene = tmp_path / "scene.toml"
-    scene.write_text(text, encoding="utf-8")
-    assert main(["run", str(scene), "--json", "--set", "duration=0.1"]) == 0
-    assert json.loads(capsys.readouterr().out)["warnings"] == []
-
-
-def test_readme_python_runs(capsys):
-    (text,) = blocks("python")
-    exec(compile(text, "README.md", "exec"), {})
-    assert re.fullmatch(r"after 0\.5 s the tip is 0\.\d\d m down\n", capsys.readouterr().out)
-
-
-def test_ci_runs_the_test_command_of_the_readme():
-    commands = "".join(blocks("sh"))
-    _, tests = commands.strip().splitlines()
-    assert tests in (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()
-    assert "/usr/bin/env bash" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")

@@ -251,7 +251,7 @@ class Laboratory:
     def assert_nothing_outside(self):
         everything = {path.relative_to(self.root) for path in self.root.rglob("*")}
         home = Path("a", "b", "home")
-        names = ("summary.json", "probes.csv", "energy.csv", "checkpoint.npz")
+        names = ("summary.json", "probes.csv", "energy.csv", "checkpoint.npz", "tisoft.json")
         known = {Path("a"), Path("a", "b"), home, home / "out", home / "scene.toml"}
         known |= {home / "brick.vtu", *(home / "out" / name for name in names)}
         assert everything <= known

@@ -209,6 +209,7 @@ def test_damaged_checkpoint_is_told(place, done, tmp_path, capsys):
     code = main(["run", scene, "-o", str(tmp_path), "--resume", "--quiet"])
     error = capsys.readouterr().err
     assert code == 2 and error.count("\n") == 1
+    assert "checkpoint.npz is damaged" in error
 
 
 def test_missing_rows_are_told(done, tmp_path, capsys):
@@ -222,14 +223,17 @@ def test_missing_rows_are_told(done, tmp_path, capsys):
 
 
 def test_new_run_does_not_leave_the_checkpoint_of_the_old(scene, tmp_path):
-    (tmp_path / "checkpoint.npz").write_text("of another run")
+    run = ["run", scene, "-o", str(tmp_path), "--quiet"]
+    assert main([*run, "--set", "duration=0.16", "--save-every", "1"]) == 0
+    old = state_of(tmp_path)
     (tmp_path / "notes.txt").write_text("the user's")
-    (tmp_path / ".probes.csv.0a1b2c3d.part").write_text("of a killed run")
-    never = ["--set", "checkpoint_every=0", "--set", "duration=0.04"]
-    assert main(["run", scene, "-o", str(tmp_path), "--quiet", *never]) == 0
+    (tmp_path / ".tisoft-0a1b2c3d-0a1b2c3d.part").write_text("of a killed run")
+    assert main([*run, "--set", "duration=0.04"]) == 0
     assert {path.name for path in tmp_path.iterdir()} == {
-        *("scene.toml", "notes.txt", "summary.json", "probes.csv", "energy.csv")
+        *("scene.toml", "notes.txt", "summary.json", "probes.csv", "energy.csv"),
+        *("checkpoint.npz", "tisoft.json"),
     }
+    assert old[0] == 8 and state_of(tmp_path)[0] == 2
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such lock")

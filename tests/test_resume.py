@@ -70,6 +70,6 @@ def test_missing_checkpoint_is_told(tmp_path):
 
 def test_unwritable_folder_is_told_and_leaves_nothing(tmp_path):
     sim = ts.Simulation(falling_pair())
-    with pytest.raises(SceneError, match="cannot write the checkpoint"):
+    with pytest.raises(SceneError, match="cannot be written"):
         sim.save(tmp_path / "no" / "such" / "a.npz")
     assert list(tmp_path.iterdir()) == []

@@ -52,7 +52,11 @@ def test_map_is_written_whole(scene, tmp_path, capsys):
         assert result["axes"][name]["sentence"] in page
         assert f"]({name}.png)" in page
     expected = {f"{n}.{e}" for n in names for e in ("png", "svg", "csv")}
-    assert {p.name for p in folder.iterdir()} == expected | {"summary.json", "stability.md"}
+    assert {p.name for p in folder.iterdir()} == expected | {
+        "summary.json",
+        "stability.md",
+        "tisoft.json",
+    }
 
 
 def test_only_some_axes_and_a_page_for_people(scene, tmp_path, capsys):

@@ -51,7 +51,7 @@ def test_static_finds_the_reference_deflection(beam, capsys):
 def test_static_writes_whole_files(beam, tmp_path, capsys):
     assert main(["static", beam(), "-o", str(tmp_path / "out")]) == 0
     names = {path.name for path in (tmp_path / "out").iterdir()}
-    assert names == {"summary.json", "probes.csv", "energy.csv", "equilibrium.vtu"}
+    assert names == {"summary.json", "probes.csv", "energy.csv", "equilibrium.vtu", "tisoft.json"}
     assert len(meshio.read(tmp_path / "out" / "equilibrium.vtu").points) == 99
     assert "displacement" in capsys.readouterr().out
 

@@ -1,38 +1,42 @@
 """Soft bodies in real time with Taichi, which know how far they can be trusted."""
 
 import os
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
 os.environ.setdefault("TI_ENABLE_PYBUF", "0")
 
-from tisoft import where
-from tisoft.errors import Diverged, MeshError, NoEquilibrium, SceneError, TisoftError
-from tisoft.geometry.files import read_mesh
-from tisoft.geometry.mesh import SpringNet, TetMesh, tet_mesh
-from tisoft.geometry.shapes import ball, box, cloth, cylinder, grid, net
-from tisoft.models.materials import (
-    Linear,
-    MassSpring,
-    MassTensor,
-    NeoHookean,
-    ViscoElastic,
-)
-from tisoft.scene import (
-    Body,
-    Box,
-    Camera,
-    Load,
-    Pin,
-    Plane,
-    Probe,
-    Render,
-    Scene,
-    Sphere,
-    Torque,
-    Turn,
-)
-from tisoft.scene_file import load_scene
+if TYPE_CHECKING:
+    from tisoft import where
+    from tisoft.errors import Diverged, MeshError, NoEquilibrium, SceneError, TisoftError
+    from tisoft.geometry.files import read_mesh
+    from tisoft.geometry.mesh import SpringNet, TetMesh, tet_mesh
+    from tisoft.geometry.shapes import ball, box, cloth, cylinder, grid, net
+    from tisoft.models.materials import (
+        Linear,
+        MassSpring,
+        MassTensor,
+        NeoHookean,
+        ViscoElastic,
+    )
+    from tisoft.scene import (
+        Body,
+        Box,
+        Camera,
+        Load,
+        Pin,
+        Plane,
+        Probe,
+        Render,
+        Scene,
+        Sphere,
+        Torque,
+        Turn,
+    )
+    from tisoft.scene_file import load_scene
+    from tisoft.simulation import Frame, Simulation
 
 __all__ = [
     "Body", "Box", "Camera", "Diverged", "Frame", "Linear", "Load", "MassSpring", "MassTensor",
@@ -42,14 +46,33 @@ __all__ = [
     "tet_mesh", "where",
 ]  # fmt: skip
 
+_HOMES = {
+    "tisoft.errors": ("Diverged", "MeshError", "NoEquilibrium", "SceneError", "TisoftError"),
+    "tisoft.geometry.files": ("read_mesh",),
+    "tisoft.geometry.mesh": ("SpringNet", "TetMesh", "tet_mesh"),
+    "tisoft.geometry.shapes": ("ball", "box", "cloth", "cylinder", "grid", "net"),
+    "tisoft.models.materials": ("Linear", "MassSpring", "MassTensor", "NeoHookean", "ViscoElastic"),
+    "tisoft.scene": (
+        "Body", "Box", "Camera", "Load", "Pin", "Plane", "Probe", "Render", "Scene", "Sphere",
+        "Torque", "Turn",
+    ),
+    "tisoft.scene_file": ("load_scene",),
+    "tisoft.simulation": ("Frame", "Simulation"),
+}  # fmt: skip
+_HOME = {name: home for home, names in _HOMES.items() for name in names}
+
 
 def __getattr__(name: str) -> object:
-    """Simulation and Frame import Taichi, so they load when first asked for."""
-    if name in ("Simulation", "Frame"):
-        from tisoft import runtime
+    """Names load when first asked for: the command line is there, and heeds Ctrl-C, at once."""
+    if name == "where":
+        return import_module("tisoft.where")
+    if name not in _HOME:
+        raise AttributeError(f"module 'tisoft' has no attribute {name!r}")
+    if _HOME[name] == "tisoft.simulation":
+        import_module("tisoft.runtime").import_taichi()
+    value = globals()[name] = getattr(import_module(_HOME[name]), name)
+    return value
 
-        runtime.import_taichi()
-        from tisoft import simulation
 
-        return getattr(simulation, name)
-    raise AttributeError(f"module 'tisoft' has no attribute {name!r}")
+def __dir__() -> list[str]:
+    return __all__

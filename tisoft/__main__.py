@@ -1,7 +1,5 @@
 """python -m tisoft."""
 
-import sys
+from tisoft.cli import program
 
-from tisoft.cli import main
-
-sys.exit(main())
+program()

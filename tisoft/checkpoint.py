@@ -1,17 +1,23 @@
 """Checkpoints: a whole simulation in one file, from which it goes on bit by bit.
 
 A checkpoint is an .npz archive: the scene as JSON (only the dataclasses of a scene, named; no
-code), its arrays, and the state.  It appears whole under its name, or not at all.
+code), its arrays, and the state; after it come the 32 bytes of its SHA-256, so that no flipped bit
+goes unseen.  It appears whole under its name, or not at all.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import hashlib
+import io
 import json
 import os
 import struct
+import tokenize
 import zipfile
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +31,10 @@ from tisoft.geometry import groups
 from tisoft.geometry.mesh import SpringNet, TetMesh
 from tisoft.models import materials
 from tisoft.obstacles import OBSTACLES
+from tisoft.whole_files import written
 
-VERSION = 2
+VERSION = 3
+DIGEST = hashlib.sha256().digest_size
 
 _CLASSES: dict[str, Any] = {
     cls.__name__ if module == "" else f"{module}.{cls.__name__}": cls
@@ -45,8 +53,9 @@ _CLASSES: dict[str, Any] = {
     for cls in classes
 }  # fmt: skip
 _DAMAGE = (
-    ArithmeticError, AttributeError, EOFError, LookupError, MemoryError, RuntimeError, TypeError,
-    ValueError, struct.error, zipfile.BadZipFile, zlib.error,
+    ArithmeticError, AttributeError, EOFError, LookupError, MemoryError, OSError, RuntimeError,
+    SyntaxError, TypeError, ValueError, struct.error, tokenize.TokenError, zipfile.BadZipFile,
+    zlib.error,
 )  # fmt: skip
 _NAMES = {cls: name for name, cls in _CLASSES.items()}
 
@@ -57,21 +66,15 @@ def write(path: str | os.PathLike[str], content: Any, arrays: dict[str, NDArray[
     Raises:
         SceneError: when the file cannot be written.
     """
-    path = Path(path)
     store = dict(arrays)
     text = json.dumps({"version": VERSION, "content": plain(content, store)})
     store["json"] = np.frombuffer(text.encode(), np.uint8)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with open(temporary, "wb") as file:
-            np.savez(file, allow_pickle=False, **store)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except OSError as error:
-        raise SceneError(f"cannot write the checkpoint {path}: {error.strerror}") from None
-    finally:
-        temporary.unlink(missing_ok=True)
+    archive = io.BytesIO()
+    np.savez(archive, allow_pickle=False, **store)
+    data = archive.getbuffer()
+    with written(Path(path), durable=True) as file:
+        file.write(data)
+        file.write(hashlib.sha256(data).digest())
 
 
 def read(path: str | os.PathLike[str]) -> tuple[Any, dict[str, NDArray[Any]]]:
@@ -81,17 +84,35 @@ def read(path: str | os.PathLike[str]) -> tuple[Any, dict[str, NDArray[Any]]]:
         SceneError: a file that is missing, damaged, or no checkpoint of this version.
     """
     try:
-        with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
-            store = {name: archive[name] for name in archive.files}
-        data = json.loads(store.pop("json").tobytes())
-        if data["version"] != VERSION:
-            raise SceneError(f"{path} is a checkpoint of version {data['version']}, not {VERSION}")
-        return _made(data["content"], store), store
-    except OSError as error:
-        reason = error.strerror or "it is no checkpoint"
+        data = Path(path).read_bytes()
+    except (OSError, ValueError) as error:  # ValueError: a null character in the name
+        reason = getattr(error, "strerror", None) or error
         raise SceneError(f"cannot read the checkpoint {path}: {reason}") from None
-    except _DAMAGE:
-        raise SceneError(f"{path} is damaged or no checkpoint; run the scene anew") from None
+    archive, digest = data[:-DIGEST], data[-DIGEST:]
+    whole = hashlib.sha256(archive).digest() == digest
+    with damage_told(path):
+        with np.load(io.BytesIO(archive if whole else data), allow_pickle=False) as file:
+            version = json.loads(file["json"].tobytes())["version"]
+            if version != VERSION:
+                raise SceneError(
+                    f"{path} is a checkpoint of version {version!r}, and this tisoft reads "
+                    f"{VERSION}; run the scene anew, or go on with the tisoft that wrote it"
+                )
+            if not whole:
+                raise ValueError("the checksum differs")
+            store = {name: file[name] for name in file.files}
+        return _made(json.loads(store.pop("json").tobytes())["content"], store), store
+
+
+@contextmanager
+def damage_told(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Tell in a sentence what goes wrong when content that is no checkpoint's is used."""
+    try:
+        yield
+    except SceneError:
+        raise
+    except _DAMAGE as error:
+        raise SceneError(f"{path} is damaged or no checkpoint; run the scene anew") from error
 
 
 def plain(value: Any, store: dict[str, NDArray[Any]]) -> Any:

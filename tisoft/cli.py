@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import signal
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from typing import NoReturn
 
-import numpy as np
-
-from tisoft.commands.common import INTERRUPTED
+from tisoft import stops
 from tisoft.errors import TisoftError
 
 COMMANDS = ("demo", "run", "render", "check", "bench", "static", "modes", "stability")
@@ -25,7 +23,8 @@ EPILOG = """start with:
   tisoft check SCENE.toml          what a scene needs, before it runs
 
 exit codes: 0 done, 2 something to mend in the input or on this machine,
-            3 the simulation failed, 4 no equilibrium, 130 interrupted"""
+            3 the simulation failed, 4 no equilibrium, 130 interrupted,
+            128 + n ended by signal n"""
 
 
 class Parser(argparse.ArgumentParser):
@@ -40,6 +39,8 @@ class Parser(argparse.ArgumentParser):
 
 def parser() -> Parser:
     """The whole command line."""
+    from tisoft.version import version  # late: importlib.metadata is slow to import
+
     top = Parser(
         prog="tisoft",
         description=DESCRIPTION,
@@ -47,7 +48,7 @@ def parser() -> Parser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
-    top.add_argument("--version", action="version", version=f"tisoft {_version()}")
+    top.add_argument("--version", action="version", version=f"tisoft {version()}")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", title="commands")
     for name in COMMANDS:
         module = import_module(f"tisoft.commands.{name}")
@@ -64,42 +65,67 @@ def parser() -> Parser:
     return top
 
 
-def _version() -> str:
-    try:
-        return version("tisoft")
-    except PackageNotFoundError:
-        return "(not installed)"
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line; returns the exit code."""
-    top = parser()
+    return stops.heeding(lambda: _outcome(arguments), _tell)
+
+
+def program() -> NoReturn:
+    """The process of a command line: what the shell calls."""
+    code = stops.heeding(lambda: _outcome(None), _tell, last=True)
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:  # nobody reads any more; Python would end with a code of its own
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    sys.exit(code)
+
+
+def _outcome(arguments: Sequence[str] | None) -> int:
     try:
-        options = top.parse_args(arguments)
-        if options.command is None:
-            top.print_help()
-            return 0
-        with np.errstate(all="ignore"):  # NumPy's warnings are no sentences for a user
-            code = int(options.execute(options))
-        sys.stdout.flush()
+        code = _execute(arguments)
+        stops.raise_if_asked()  # a library may have swallowed it
         return code
-    except SystemExit as exit:
-        return exit.code if isinstance(exit.code, int) else 2
-    except TisoftError as error:
-        return _tell(str(error), error.exit_code)
     except KeyboardInterrupt:
-        return _tell("interrupted", INTERRUPTED)
-    except BrokenPipeError:
+        raise
+    except BaseException as error:
+        stops.raise_if_asked()  # what failed then failed because of it
+        return _explained(error)
+
+
+def _execute(arguments: Sequence[str] | None) -> int:
+    top = parser()
+    options = top.parse_args(arguments)
+    if options.command is None:
+        top.print_help()
+        return 0
+    import numpy as np  # late, so that Ctrl-C ends its import in a sentence
+
+    with np.errstate(all="ignore"):  # NumPy's warnings are no sentences for a user
+        code = int(options.execute(options))
+    sys.stdout.flush()
+    return code
+
+
+def _explained(error: BaseException) -> int:
+    """Tell an error in a sentence; returns the exit code.  What is no user's matter is raised."""
+    if isinstance(error, SystemExit):
+        return error.code if isinstance(error.code, int) else 2
+    if isinstance(error, TisoftError):
+        return _tell(str(error), error.exit_code)
+    if isinstance(error, BrokenPipeError):
         return _end_quietly()
-    except OSError as error:
+    if isinstance(error, OSError):
         where = f"{error.filename}: " if error.filename else ""
         return _tell(f"{where}{error.strerror or error}", 2)
-    except MemoryError:
+    if isinstance(error, MemoryError):
         return _tell("the memory does not suffice; take a coarser mesh or a smaller picture", 2)
+    raise error
 
 
 def _tell(message: str, code: int) -> int:
-    print(f"tisoft: error: {message.strip().rstrip('.')}", file=sys.stderr)
+    with contextlib.suppress(OSError):  # a terminal that was closed
+        print(f"tisoft: error: {message.strip().rstrip('.')}", file=sys.stderr, flush=True)
     return code
 
 
@@ -110,4 +136,4 @@ def _end_quietly() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    program()

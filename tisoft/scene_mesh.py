@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -33,13 +33,14 @@ LARGE, SMALL = 100.0, 1e-4
 class Shape:
     """A mesh made by rule.
 
-    `make` builds it from its keys, `check` maps each key to what its value must be, and `count`
-    estimates its elements before it is built.
+    `make` builds it from its keys, `check` maps each key to what its value must be, `count`
+    estimates its elements before it is built, and `largest` names the key that makes them many.
     """
 
     make: Callable[..., Mesh]
     check: dict[str, Callable[[str, Any], Any]]
     count: Callable[[Table], float]
+    largest: Callable[[Table], str]
     optional: tuple[str, ...] = ()
 
 
@@ -69,6 +70,10 @@ def _split(field: str, value: Any) -> str:
     return checks.choice(field, value, ("five", "six"))
 
 
+def _layers_or_rings(keys: Table) -> str:
+    return "resolution" if 18.0 * keys["resolution"] ** 2 > MOST_ELEMENTS else "height"
+
+
 def _layered(keys: Table) -> float:
     """Tets of a cylinder: 18 resolution² a layer, in layers about as high as tets are wide."""
     layers = max(1.0, keys["height"] / keys["radius"] * keys["resolution"])
@@ -80,26 +85,33 @@ SHAPES: dict[str, Shape] = {
         shapes.box,
         {"size": _lengths(3), "cells": _cells(3), "split": _split},
         lambda keys: (6.0 if keys.get("split") == "six" else 5.0) * math.prod(keys["cells"]),
+        lambda keys: "cells",
         ("split",),
     ),
     "ball": Shape(
         shapes.ball,
         {"radius": _length, "resolution": _count},
         lambda keys: 20.0 * keys["resolution"] ** 3,
+        lambda keys: "resolution",
     ),
     "cylinder": Shape(
-        shapes.cylinder, {"radius": _length, "height": _length, "resolution": _count}, _layered
+        shapes.cylinder,
+        {"radius": _length, "height": _length, "resolution": _count},
+        _layered,
+        _layers_or_rings,
     ),
     "cloth": Shape(
         shapes.cloth,
         {"size": _lengths(2), "cells": _cells(2), "diagonals": checks.flag},
         lambda keys: 4.0 * math.prod(keys["cells"]),
+        lambda keys: "cells",
         ("diagonals",),
     ),
     "grid": Shape(
         shapes.grid,
         {"size": _lengths(3), "cells": _cells(3), "diagonals": checks.flag},
         lambda keys: 9.0 * math.prod(keys["cells"]),
+        lambda keys: "cells",
         ("diagonals",),
     ),
 }
@@ -186,7 +198,10 @@ def _questioned(mesh: Mesh) -> Mesh:
 def _read(field: str, name: Any, folder: Path) -> Mesh:
     if not isinstance(name, str) or not name.isprintable() or not name:
         raise FieldError(field, 'must be the name of a mesh file, as "jelly.vtu"', name)
-    path = folder / name
+    try:
+        path = folder / Path(name).expanduser()
+    except RuntimeError:
+        raise FieldError(field, "names a home that is not known; write it out", name) from None
     try:
         if path.is_dir():
             raise FieldError(field, "is a folder; name a mesh file in it", name)
@@ -232,7 +247,28 @@ def _shape(field: str, table: Any, shape: Shape) -> Mesh:
             raise FieldError(joined(field, key), "is missing")
     count = shape.count(keys)
     if count > MOST_ELEMENTS:
-        finest = joined(field, "cells" if "cells" in keys else "resolution")
         problem = f"makes {count:.3g} elements, more than {MOST_ELEMENTS:,}; take a coarser mesh"
-        raise FieldError(finest, problem, table[finest.rsplit(".", 1)[1]])
+        _refuse(field, keys, shape.largest(keys), problem)
+    if shape.make is shapes.box:
+        _check_flat(field, keys)
     return shape.make(**keys)
+
+
+def _check_flat(field: str, keys: Table) -> None:
+    """Refuse cells of a box that are too flat for tets, before there are millions of them."""
+    size, cells = keys["size"], keys["cells"]
+    axis = shapes.flat_axis(size, cells)
+    if axis is None:
+        return
+    sides = " x ".join(f"{s / n:.3g}" for s, n in zip(size, cells, strict=True))
+    problem = f"makes cells of {sides} m, too flat for tets"
+    alone = [1 if i == axis else n for i, n in enumerate(cells)]
+    if shapes.flat_axis(size, alone) is None:
+        _refuse(field, keys, f"cells[{axis}]", f"{problem}; give fewer, or more along the others")
+    _refuse(field, keys, f"size[{axis}]", f"{problem}; give a larger one, or more cells elsewhere")
+
+
+def _refuse(field: str, keys: Table, key: str, problem: str) -> NoReturn:
+    name, _, index = key.partition("[")
+    value = keys[name][int(index[:-1])] if index else keys[name]
+    raise FieldError(joined(field, key), problem, value)

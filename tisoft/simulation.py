@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tisoft import resume, runtime
+from tisoft import checkpoint, resume, runtime
 from tisoft.body import Body
 from tisoft.checks import FieldError
 from tisoft.equilibrium.modes import Mass, Modes, natural_modes
@@ -299,13 +299,14 @@ class Simulation(Motion):
     def load(path: str | os.PathLike[str], *, arch: str = "cpu") -> Simulation:
         """A simulation from a checkpoint; it goes on with the very bits of the saved one."""
         content, arrays = resume.read(path)
-        simulation = Simulation(
-            content["scene"],
-            arch=arch,
-            precision=content["precision"],
-            certify=content["certify"],
-        )
-        resume.put(simulation, content, arrays)
+        with checkpoint.damage_told(path):
+            simulation = Simulation(
+                content["scene"],
+                arch=arch,
+                precision=content["precision"],
+                certify=content["certify"],
+            )
+            resume.put(simulation, content, arrays)
         return simulation
 
 

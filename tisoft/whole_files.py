@@ -2,32 +2,55 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
+import hashlib
 import json
 import math
 import os
+import re
 import shutil
 import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any, Self
+from typing import IO, Any
 
+from tisoft import stops
 from tisoft.errors import Diverged, SceneError
 
+_PART = re.compile(r"\.tisoft-[0-9a-f]{8}-[0-9a-f]{8}\.part")
 
-def refusal(path: Path, error: OSError) -> SceneError:
+
+class Unwritable(SceneError):
+    """A file that could not be written."""
+
+
+def refusal(path: Path, error: OSError) -> Unwritable:
     """What to tell a user whose file could not be written."""
     if error.errno == errno.ENOSPC:
-        return SceneError(f"{path} was not written: the disk is full; make room and run it again")
+        return Unwritable(f"{path} was not written: the disk is full; make room and run it again")
+    if error.errno == errno.EFBIG:
+        return Unwritable(
+            f"{path} was not written: it grew beyond what this machine allows (ulimit -f)"
+        )
+    if error.errno in (errno.ENOTDIR, errno.EEXIST) and (file := _file_above(path)) is not None:
+        return Unwritable(f"{path} cannot be written: {file} is a file, not a folder")
     reason = error.strerror or str(error)
-    return SceneError(f"{path} cannot be written: {reason}; choose another place with -o")
+    return Unwritable(f"{path} cannot be written: {reason}; choose another place with -o")
+
+
+def _file_above(path: Path) -> Path | None:
+    """The part of a path that should be a folder and is a file."""
+    return next((above for above in path.parents if above.exists() and not above.is_dir()), None)
 
 
 def make_folder(path: str | Path) -> Path:
     """The folder, made with its parents where it is missing; raises SceneError."""
     folder = Path(path)
-    if folder.exists() and not folder.is_dir():
-        raise SceneError(f"-o {path} is a file, and results need a folder; name another place")
     try:
+        if folder.exists() and not folder.is_dir():
+            raise Unwritable(f"-o {path} is a file, and results need a folder; name another place")
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise refusal(folder, error) from None
@@ -36,65 +59,100 @@ def make_folder(path: str | Path) -> Path:
 
 def ends_well(kind: type[BaseException] | None) -> bool:
     """Whether results up to an exception of this kind are worth keeping: they are whole so far."""
-    return kind is None or issubclass(kind, KeyboardInterrupt | Diverged)
+    return kind is None or issubclass(kind, KeyboardInterrupt | Diverged | Unwritable)
 
 
-class WholeFile:
-    """A text file that grows under a temporary name beside its own and gets that at the end.
+def part_name(path: Path) -> Path:
+    """A hidden name in the same folder that nobody else uses, short however long the path's is."""
+    return path.with_name(f".tisoft-{_mark(path)}-{uuid.uuid4().hex[:8]}.part")
 
-    Used in a `with` block; Ctrl-C and a simulation that fails end it early, other errors remove it.
-    Raises SceneError where it cannot be written, at once when the folder cannot.
+
+def _mark(path: Path) -> str:
+    return hashlib.sha256(path.name.encode(errors="surrogateescape")).hexdigest()[:8]
+
+
+def sweep(folder: Path, path: Path | None = None) -> int:
+    """Remove what killed programs left half written in a folder, of `path` alone or of all.
+
+    Files and folders that a living process writes are locked, and stay.  Returns their number.
     """
+    swept = 0
+    with contextlib.suppress(OSError):  # litter is no reason to fail
+        for part in folder.iterdir():
+            mine = path is None or part.name.startswith(f".tisoft-{_mark(path)}-")
+            if mine and _PART.fullmatch(part.name) and _is_orphan(part):
+                shutil.rmtree(part) if part.is_dir() else part.unlink(missing_ok=True)
+                swept += 1
+    return swept
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._part = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.part")
 
-    def __enter__(self) -> Self:
-        try:
-            self._file: IO[str] = self._part.open("w", encoding="utf-8", newline="")
-        except OSError as error:
-            raise refusal(self.path, error) from None
-        return self
+def lock(path: Path) -> int | None:
+    """Lock a file or folder until the returned handle is closed; None where it is locked already.
 
-    def write(self, text: str) -> None:
-        """Append text."""
-        try:
-            self._file.write(text)
-        except OSError as error:
-            raise refusal(self.path, error) from None
+    The system frees it when the process ends, however it ends.  Where a file system or Windows
+    offers no such lock, -1.  Raises OSError.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        return -1
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        if error.errno not in (errno.EWOULDBLOCK, errno.EACCES):
+            return handle  # a file system without locks
+        os.close(handle)
+        return None
+    return handle
 
-    def publish(self) -> None:
-        """Give what was written so far the file's name, whole; writing goes on."""
-        copy = self._part.with_suffix(".so_far.part")
-        try:
-            self._file.flush()
-            with self._part.open("rb") as source, copy.open("wb") as target:
-                shutil.copyfileobj(source, target)
-                target.flush()
-                os.fsync(target.fileno())
-            os.replace(copy, self.path)
-        except OSError as error:
-            raise refusal(self.path, error) from None
-        finally:
-            copy.unlink(missing_ok=True)
 
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        try:
-            self._file.close()
-            if ends_well(kind):
-                os.replace(self._part, self.path)
-        except OSError as error:
-            if ends_well(kind):  # else what happened first is told
-                raise refusal(self.path, error) from None
-        finally:
-            self._part.unlink(missing_ok=True)
+def unlock(handle: int | None) -> None:
+    """End a lock."""
+    if handle is not None and handle >= 0:
+        os.close(handle)
+
+
+def _is_orphan(part: Path) -> bool:
+    handle = lock(part)
+    unlock(handle)
+    return handle is not None and handle >= 0
+
+
+@contextmanager
+def written(path: Path, *, durable: bool = False) -> Iterator[IO[bytes]]:
+    """A file under a temporary name, which gets the name `path` when the block ends well.
+
+    Signals wait for its end.  A durable file is on the disk before it gets its name, in case the
+    machine loses power; that takes time.  Raises SceneError where it cannot be written.
+    """
+    part = part_name(path)
+    handle: int | None = None
+    try:
+        with stops.held(), part.open("xb") as file:
+            handle = lock(part)
+            yield file
+            file.flush()
+            if durable:
+                os.fsync(file.fileno())
+            os.replace(part, path)
+    except OSError as error:
+        raise refusal(path, error) from None
+    finally:
+        unlock(handle)
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a whole file; raises SceneError."""
+    with written(path) as file:
+        file.write(data)
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a whole file."""
-    with WholeFile(path) as file:
-        file.write(text)
+    """Write a whole file; raises SceneError."""
+    write_bytes(path, text.encode())
 
 
 def as_json(value: Any) -> str:

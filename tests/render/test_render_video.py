@@ -83,7 +83,11 @@ def test_a_folder_gets_every_picture_and_loses_older_ones(tmp_path):
     (tmp_path / "frames" / "notes.txt").write_text("kept")
     film(tmp_path / "frames", count=3)
     names = sorted(os.listdir(tmp_path / "frames"))
-    assert names == [f"frame_{k:05d}.png" for k in range(3)] + ["notes.txt"]
+    assert names == [
+        *(f"frame_{k:05d}.png" for k in range(3)),
+        "notes.txt",
+        "tisoft.json",
+    ]
     assert os.listdir(tmp_path) == ["frames"]
 
 

@@ -21,10 +21,12 @@ from tisoft.geometry.rigidity import Rigidity, rigidity
 from tisoft.models.materials import MassSpring
 from tisoft.simulation import Simulation
 
-TRIAL, LEAST_TRIALS = 4, 5
-"""Substeps of a trial, and trials at the least, to measure how fast the scene runs."""
-TRIAL_SECONDS, MOST_TRIAL_SECONDS = 0.1, 1.0
-"""Time spent on it where a trial is short, and where it is long."""
+TRIALS, LEAST_TRIALS = 15, 5
+"""Trials to measure how fast the scene runs, and their number where each is long."""
+TRIAL_SECONDS, MOST_TRIAL_SECONDS = 0.3, 1.5
+"""Time spent on them [s], where a substep is short and where it is long."""
+BUSY = 1.5
+"""Ratio of fast trials to slow ones from which on the machine has other work."""
 
 
 @dataclass
@@ -60,7 +62,7 @@ def check(sim: Simulation) -> Report:
         report.result["warnings"] += mesh_notes(body)
         if isinstance(body.model, MassSpring):
             _count_modes(body, report)
-    report.result["estimated_real_time_factor"] = estimated_real_time_factor(sim)
+    report.result |= estimated_speed(sim)
     return report
 
 
@@ -123,17 +125,33 @@ def _count_modes(body: Body, report: Report) -> None:
         report.result["warnings"].append(told)
 
 
-def estimated_real_time_factor(sim: Simulation) -> float:
-    """Simulated seconds per second of stepping, from a short trial."""
+def estimated_speed(sim: Simulation) -> dict[str, Any]:
+    """Simulated seconds per second of stepping: the median of short trials, and their range.
+
+    The range leaves out the slowest and the fastest tenth.
+    """
     step = sim.substeps_of(1.0 / sim.scene.frame_rate)[1]
-    spent: list[float] = []
-    while len(spent) < LEAST_TRIALS or sum(spent) * TRIAL < TRIAL_SECONDS:
+
+    def seconds_of(count: int) -> float:
         begun = time.perf_counter()
-        sim.stepper.advance(TRIAL, step, sim.scene.gravity)
-        spent.append((time.perf_counter() - begun) / TRIAL)
-        if sum(spent) * TRIAL > MOST_TRIAL_SECONDS:
-            break
-    return step / min(spent)  # what slows a trial is the machine's other work
+        sim.stepper.advance(count, step, sim.scene.gravity)
+        return time.perf_counter() - begun
+
+    count = 4
+    while seconds_of(count) < TRIAL_SECONDS / TRIALS:  # the first calls also settle the threads
+        count *= 2
+    speeds: list[float] = []
+    begun = time.perf_counter()
+    while len(speeds) < LEAST_TRIALS or (
+        len(speeds) < TRIALS and time.perf_counter() - begun < MOST_TRIAL_SECONDS
+    ):
+        speeds.append(count * step / seconds_of(count))
+    speeds.sort()
+    cut = len(speeds) // 10
+    return {
+        "estimated_real_time_factor": speeds[len(speeds) // 2],
+        "estimated_real_time_range": [speeds[cut], speeds[-1 - cut]],
+    }
 
 
 def as_text(result: dict[str, Any]) -> str:
@@ -154,11 +172,20 @@ def as_text(result: dict[str, Any]) -> str:
     cost = result["damping_cost"]
     if cost > 1.005:
         lines.append(f"  damping        makes the step {cost:.3g} times smaller")
-    factor = result["estimated_real_time_factor"]
-    lines += ["speed", f"  estimated      {factor:.3g} x real time on this machine"]
+    lines += ["speed", *_speed_lines(result)]
     if result["warnings"]:
         lines += ["warnings", *(f"  - {warning}" for warning in result["warnings"])]
     return "\n".join(lines)
+
+
+def _speed_lines(result: dict[str, Any]) -> list[str]:
+    factor, (low, high) = (result[f"estimated_real_time_{key}"] for key in ("factor", "range"))
+    lines = [f"  estimated      {factor:.3g} x real time on this machine ({low:.3g} to {high:.3g})"]
+    if high > BUSY * low:
+        lines.append(
+            "  note           the machine has other work now: alone, the scene runs faster"
+        )
+    return lines
 
 
 def _mesh_lines(name: str, mesh: dict[str, Any], result: dict[str, Any]) -> list[str]:

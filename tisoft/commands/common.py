@@ -4,29 +4,54 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import os
 import re
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from tisoft import runtime
+from tisoft import runtime, stops
 from tisoft.check.meshes import mesh_warnings
 from tisoft.checks import inside
 from tisoft.errors import Diverged, SceneError
+from tisoft.folders import Owner
 from tisoft.runtime import ARCHS
 from tisoft.scene import Render, Scene
 from tisoft.scene_file import load_scene
-from tisoft.whole_files import as_json
+from tisoft.whole_files import Unwritable, as_json
 
 if TYPE_CHECKING:
     from tisoft.simulation import Simulation
 
 COLORS = ("stress", "strain", "speed", "body")
-INTERRUPTED = 130
-"""Exit code after Ctrl-C."""
-STATUS = {0: "done", Diverged.exit_code: "diverged", INTERRUPTED: "interrupted"}
+
+
+def place(text: str) -> str:
+    """The name of a file or folder on the command line; ~ is the user's home."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("is empty; give the name of a file or folder")
+    if "\0" in text:
+        raise argparse.ArgumentTypeError("holds a null character, which no name may")
+    return os.path.expanduser(text)
+
+
+def add_place(
+    parser: argparse.ArgumentParser, metavar: str, text: str, *, required: bool = False
+) -> None:
+    """-o, and --overwrite for folders."""
+    parser.add_argument("-o", "--output", metavar=metavar, required=required, type=place, help=text)
+    parser.add_argument(
+        "--overwrite", action="store_true", help="replace another or unfinished result in a folder"
+    )
+
+
+def owner_of(
+    options: argparse.Namespace, command: str, *, resume: bool = False, pictures: int = 0
+) -> Owner:
+    """Whose result a folder is to hold."""
+    return Owner(command, os.path.realpath(options.scene), options.overwrite, resume, pictures)
 
 
 def add_output(parser: argparse.ArgumentParser) -> None:
@@ -51,7 +76,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
 
 def add_scene(parser: argparse.ArgumentParser) -> None:
     """SCENE, and all options that every command with a scene has."""
-    parser.add_argument("scene", metavar="SCENE", help="a scene file (.toml)")
+    parser.add_argument("scene", metavar="SCENE", type=place, help="a scene file (.toml)")
     add_settings(parser)
     add_machine(parser)
     add_output(parser)
@@ -109,10 +134,13 @@ class Run:
 
         self.sim = sim
         self.code = 0
+        self.status = "done"
         self.error: str | None = None
         self.seconds = 0.0
         self.seconds_before = 0.0
         """[s] that the part of the run before a checkpoint took."""
+        self.is_whole = False
+        """Whether it ended between two frames."""
         self._warnings = warnings_of(sim.scene)
         self._stable_step = sim.limit.sharp()
         self._limiting = limiting_element(sim)
@@ -124,12 +152,36 @@ class Run:
         self._begun = time.perf_counter()
         try:
             yield
-        except KeyboardInterrupt:
-            self.code, self.error = INTERRUPTED, "interrupted; what was written is whole"
-        except Diverged as error:
-            self.code, self.error = error.exit_code, str(error)
+        except BaseException as error:
+            if not self._noted(stops.asked() or error):
+                raise
         finally:
+            stops.settled()
             self.seconds = self.elapsed()
+
+    def _noted(self, error: BaseException) -> bool:
+        """Whether the run ended by this error, and what it has made is worth keeping."""
+        self.error = str(error)
+        if isinstance(error, KeyboardInterrupt):
+            self.code, self.status = getattr(error, "exit_code", 130), "interrupted"
+            self.error = f"{str(error) or 'interrupted'}; what was written is whole"
+        elif isinstance(error, Diverged):
+            self.code, self.status = error.exit_code, "diverged"
+        elif isinstance(error, Unwritable) and self.sim.frame:
+            self.code, self.status = error.exit_code, "failed"
+        else:
+            return False
+        return True
+
+    def step(self, seconds: float | None = None, *, observers: Sequence[Any]) -> None:
+        """Simulate, so that a signal ends it between two frames."""
+        from tisoft.observers.progress import WholeFrames
+
+        frames = WholeFrames(observers)
+        try:
+            frames.run(self.sim, seconds)
+        finally:
+            self.is_whole = frames.is_whole
 
     def elapsed(self) -> float:
         """Stepping so far [s], with what watched it."""
@@ -141,7 +193,7 @@ class Run:
 
         made = summary(
             self.sim,
-            status=STATUS[self.code],
+            status=self.status,
             stable_step=self._stable_step,
             limiting=self._limiting,
             wall_seconds=self.seconds,
@@ -157,15 +209,19 @@ class Run:
         """Print the result, the warnings and the error; returns the exit code."""
         from tisoft.observers.summary import as_text
 
-        if options.json:
-            print(as_json(result))
-        elif not options.quiet:
-            print("\n".join([as_text(result), *lines]))
-            told = mesh_warnings(self.sim.scene)  # by scene_of
-            for warning in result["warnings"] if warn else []:
-                if warning in told:
-                    continue
-                print(f"tisoft: warning: {warning}", file=sys.stderr)
-        if self.error is not None:
-            print(f"tisoft: error: {self.error}", file=sys.stderr)
+        try:
+            if options.json:
+                print(as_json(result), flush=True)
+            elif not options.quiet:
+                print("\n".join([as_text(result), *lines]), flush=True)
+                told = mesh_warnings(self.sim.scene)  # by scene_of
+                for warning in result["warnings"] if warn else []:
+                    if warning in told:
+                        continue
+                    print(f"tisoft: warning: {warning}", file=sys.stderr)
+            if self.error is not None:
+                print(f"tisoft: error: {self.error}", file=sys.stderr)
+        except OSError:  # nobody reads any more: a terminal that was closed
+            if self.code == 0:
+                raise
         return self.code

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import re
-import subprocess
-import sys
+import runpy
 from pathlib import Path
 
 from tisoft.commands import common
@@ -36,7 +36,12 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", nargs="?", metavar="NAME", help=f"of the demo ({FIRST})")
     parser.add_argument("--list", action="store_true", help="name the demos")
     parser.add_argument(
-        "-o", "--output", metavar="DIR", default=".", help="where the files go (this folder)"
+        "-o",
+        "--output",
+        metavar="DIR",
+        type=common.place,
+        default=".",
+        help="where the files go (this folder)",
     )
     common.add_settings(parser)
     common.add_machine(parser)
@@ -78,14 +83,16 @@ def execute(options: argparse.Namespace) -> int:
         raise SceneError(f'there is no demo "{name}"; choose one of {", ".join(known)}')
     folder = make_folder(options.output)
     if file.suffix == ".py":
-        return subprocess.run([sys.executable, str(file)], cwd=folder, check=False).returncode
+        with contextlib.chdir(folder):
+            runpy.run_path(str(file), run_name="__main__")
+        return 0
     options.scene = str(file)
     scene = common.scene_of(options)
     stem = name if options.name else "demo"
     film_file, picture_file = folder / f"{stem}.mp4", folder / f"{stem}.png"
     run, film = draw(scene, options, film_file, kept=MOMENTS.get(name, 1.0))
     lines = []
-    if film.kept is not None:
+    if film is not None and film.kept is not None:
         from tisoft.render.video import open_sink
 
         with open_sink(picture_file, scene.render.size, scene.frame_rate) as sink:

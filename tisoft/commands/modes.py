@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,8 +12,9 @@ from tisoft import runtime
 from tisoft.check.meshes import mesh_warnings
 from tisoft.commands import common
 from tisoft.errors import SceneError
+from tisoft.folders import ResultFolder
 from tisoft.scene import Scene
-from tisoft.whole_files import as_json, make_folder, write_text
+from tisoft.whole_files import as_json, write_text
 
 if TYPE_CHECKING:
     from tisoft.equilibrium.modes import Modes
@@ -23,6 +24,8 @@ EXAMPLES = """examples:
   tisoft modes beam.toml -n 10
   tisoft modes beam.toml --about equilibrium
   tisoft modes beam.toml -o bend.gif --shape 1     the first shape, swinging in a loop"""
+
+FILES = ("summary.json",)
 
 PERIOD = 2.0
 """Seconds of film for one swing, whatever the frequency."""
@@ -40,10 +43,9 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--about", choices=("rest", "equilibrium"), default="rest",
         help="the state that the modes swing about (rest)",
     )  # fmt: skip
-    parser.add_argument(
-        "-o", "--output", metavar="OUT",
-        help="a film of one shape (.mp4, .gif, .webp), or a folder for summary.json",
-    )  # fmt: skip
+    common.add_place(
+        parser, "OUT", "a film of one shape (.mp4, .gif, .webp), or a folder for summary.json"
+    )
     parser.add_argument(
         "--shape", metavar="K", type=int, default=1, help="the mode to film, counted from 1"
     )
@@ -58,35 +60,50 @@ def execute(options: argparse.Namespace) -> int:
         raise SceneError(f"--shape is {options.shape}; it must be from 1 to {options.count} (-n)")
     scene = common.scene_of(options)
     runtime.import_taichi()
+    runtime.start(options.arch)
+    if not options.output or Path(options.output).suffix:
+        found = _measured(scene, options)
+        if options.output:
+            _film(scene, found, options)
+    else:
+        with ResultFolder(options.output, common.owner_of(options, "modes")) as folder:
+            folder.foresee(FILES)
+            found = _measured(scene, options)
+            folder.begin(FILES)
+            write_text(folder.path / "summary.json", as_json(_result(scene, found)) + "\n")
+    _tell(options, scene, found)
+    return 0
+
+
+def _measured(scene: Scene, options: argparse.Namespace) -> Modes:
     from tisoft.equilibrium.modes import natural_modes
 
-    runtime.start(options.arch)
-    found = natural_modes(scene, options.count, about=options.about)
-    result = {
+    return natural_modes(scene, options.count, about=options.about)
+
+
+def _result(scene: Scene, found: Modes) -> dict[str, Any]:
+    return {
         "status": "done",
         "frequencies": [float(f) for f in found.frequencies],
         "warnings": mesh_warnings(scene),
     }
-    filmed = options.output and Path(options.output).suffix
-    if filmed and options.shape > len(found.frequencies):
-        raise SceneError(f"--shape is {options.shape}; there are {len(found.frequencies)} modes")
-    if options.output and not filmed:
-        write_text(make_folder(options.output) / "summary.json", as_json(result) + "\n")
-    elif options.output:
-        _film(scene, found, options)
+
+
+def _tell(options: argparse.Namespace, scene: Scene, found: Modes) -> None:
     if options.json:
-        print(as_json(result))
+        print(as_json(_result(scene, found)))
     elif not options.quiet:
         for k, frequency in enumerate(found.frequencies, 1):
             note = "   rigid or free of energy" if frequency == 0.0 else ""
             print(f"mode {k:3}   {frequency:12.6g} Hz{note}")
         if options.output:
             print(f"results are in {options.output}")
-    return 0
 
 
 def _film(scene: Scene, found: Modes, options: argparse.Namespace) -> None:
     """One shape in a film that loops: x + a sin(2πt/T) shape."""
+    if options.shape > len(found.frequencies):
+        raise SceneError(f"--shape is {options.shape}; there are {len(found.frequencies)} modes")
     from tisoft.observers.film import film_to
     from tisoft.observers.scenery import Survey
     from tisoft.simulation import Simulation

@@ -9,6 +9,7 @@ from typing import Any
 
 from tisoft import runtime
 from tisoft.commands import common
+from tisoft.folders import ResultFolder
 from tisoft.whole_files import as_json
 
 HELP = "show where a scene's methods fail, measured against theory"
@@ -20,10 +21,12 @@ EXAMPLES = """examples:
 def add(parser: argparse.ArgumentParser) -> None:
     """The command's options."""
     common.add_scene(parser)
-    parser.add_argument(
-        "-o", "--output", metavar="DIR", required=True,
-        help="a folder for pictures, tables and the page of text; made where it is missing",
-    )  # fmt: skip
+    common.add_place(
+        parser,
+        "DIR",
+        "a folder for pictures, tables and the page of text; made where it is missing",
+        required=True,
+    )
     parser.add_argument(
         "--only", metavar="AXES",
         help="some of step-damping,compression,rotation,poisson,diagonals",
@@ -36,19 +39,22 @@ def execute(options: argparse.Namespace) -> int:
     runtime.import_taichi()
     runtime.start("cpu")
 
-    from tisoft.study.stability import Study, chosen, write_study
+    from tisoft.study.stability import Study, chosen, files_of, write_study
 
     names = chosen(options.only)
     study = Study(scene, names)
     bar = _bar(study.work(), quiet=options.quiet)
     try:
-        result = write_study(
-            study,
-            options.output,
-            title=Path(options.scene).name,
-            tick=bar.update,
-            on_axis=bar.set_description,
-        )
+        with ResultFolder(options.output, common.owner_of(options, "stability")) as folder:
+            folder.foresee(files_of(names))
+            folder.begin(files_of(names))
+            result = write_study(
+                study,
+                folder.path,
+                title=Path(options.scene).name,
+                tick=bar.update,
+                on_axis=bar.set_description,
+            )
     finally:
         bar.close()
     if options.json:

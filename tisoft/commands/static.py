@@ -11,7 +11,9 @@ from tisoft import runtime
 from tisoft.check.meshes import mesh_warnings
 from tisoft.commands import common
 from tisoft.errors import NoEquilibrium
-from tisoft.whole_files import as_json, make_folder, write_text
+from tisoft.folders import ResultFolder
+from tisoft.scene import Scene
+from tisoft.whole_files import as_json, write_text
 
 if TYPE_CHECKING:
     from tisoft.equilibrium.statics import Equilibrium
@@ -25,14 +27,15 @@ EXAMPLES = """examples:
 
 Loads, gravity and moved pins act as at t = duration; obstacles are left out."""
 
+FILES = ("summary.json", "probes.csv", "energy.csv", "equilibrium.vtu")
+
 
 def add(parser: argparse.ArgumentParser) -> None:
     """The command's options."""
     common.add_scene(parser)
-    parser.add_argument(
-        "-o", "--output", metavar="OUT",
-        help="a folder for the results, made where it is missing, or a picture (.png)",
-    )  # fmt: skip
+    common.add_place(
+        parser, "OUT", "a folder for the results, made where it is missing, or a picture (.png)"
+    )
     common.add_picture(parser)
 
 
@@ -40,12 +43,29 @@ def execute(options: argparse.Namespace) -> int:
     """Solve and report; exit code 4 where no equilibrium was found."""
     scene = common.scene_of(options)
     runtime.import_taichi()
+    runtime.start(options.arch)
+    picture = bool(options.output) and Path(options.output).suffix.lower() == ".png"
+    if not options.output or picture:
+        sim, result, warnings = _solve(scene, options)
+        if picture:
+            _draw(sim, options.output)
+    else:
+        with ResultFolder(options.output, common.owner_of(options, "static")) as folder:
+            folder.foresee(FILES)
+            sim, result, warnings = _solve(scene, options)
+            folder.begin(FILES)
+            _save(sim, folder.path, result)
+    _tell(options, result, warnings)
+    return 0
+
+
+def _solve(
+    scene: Scene, options: argparse.Namespace
+) -> tuple[Simulation, dict[str, Any], list[str]]:
+    """The scene in equilibrium, the result, and the warnings of the solution itself."""
     from tisoft.equilibrium.statics import equilibrium
     from tisoft.simulation import Simulation
 
-    picture = bool(options.output) and Path(options.output).suffix.lower() == ".png"
-    folder = make_folder(options.output) if options.output and not picture else None
-    runtime.start(options.arch)
     try:
         found = equilibrium(scene)
     except NoEquilibrium as error:
@@ -54,13 +74,7 @@ def execute(options: argparse.Namespace) -> int:
         raise
     sim = Simulation(scene, arch=options.arch, precision="f64", certify=False)
     sim.set_state(found.positions, 0.0 * found.positions)
-    result = _result(sim, found)
-    if folder is not None:
-        _save(sim, folder, result)
-    if picture:
-        _draw(sim, options.output)
-    _tell(options, result, found.warnings)
-    return 0
+    return sim, _result(sim, found), found.warnings
 
 
 def _failed(error: NoEquilibrium) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import operator
 from collections.abc import Sequence
 from typing import Literal
 
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tisoft.errors import MeshError
 from tisoft.geometry import topology
+from tisoft.geometry.checks import FLAT
 from tisoft.geometry.mesh import Floats, SpringNet, TetMesh, bare_net
 from tisoft.geometry.quality import signed_volumes
 
@@ -38,6 +40,9 @@ def box(
     the thickness give 33 % too little deflection, four 11 %, eight 3 %.  Raises MeshError.
     """
     lengths, counts = _lengths("box", size, 3), _counts("box", cells, 3)
+    if (axis := flat_axis(lengths, counts)) is not None:
+        thin, wide = lengths[axis] / counts[axis], max(map(operator.truediv, lengths, counts))
+        raise MeshError(f"box would have cells of {thin:.3g} m by {wide:.3g} m, too flat for tets")
     if split not in ("five", "six"):
         raise MeshError(f'box split must be "five" or "six", not {split!r}')
     corners = _cell_corners(counts)
@@ -147,6 +152,13 @@ def net(points: ArrayLike, springs: ArrayLike) -> SpringNet:
     Nodes and springs keep their order and number; a node may be without springs.  Raises MeshError.
     """
     return bare_net(points, springs)
+
+
+def flat_axis(lengths: Sequence[float], counts: Sequence[int]) -> int | None:
+    """Axis along which a lattice's cells are too thin for tets; None where they are not."""
+    sides = [length / count for length, count in zip(lengths, counts, strict=True)]
+    thin, *others = sorted(sides)
+    return sides.index(thin) if thin < FLAT * math.hypot(*others) else None
 
 
 def _whole(points: Floats, tets: Rows) -> TetMesh:

@@ -1,13 +1,10 @@
-"""Checkpoints of a run in its folder, and a lock that keeps other runs out of it."""
+"""Checkpoints of a run in its folder, and how a run goes on from one."""
 
 from __future__ import annotations
 
-import errno
 import hashlib
-import os
-import re
+import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -17,11 +14,15 @@ from numpy.typing import NDArray
 from tisoft import checkpoint, resume
 from tisoft.checks import FieldError, joined, shown
 from tisoft.errors import SceneError
+from tisoft.folders import ResultFolder
+from tisoft.manifest import CHECKPOINT
 from tisoft.scene import Scene
 from tisoft.simulation import Frame, Simulation
-from tisoft.whole_files import refusal
 
-NAME = "checkpoint.npz"
+INTERVAL = 30.0
+"""Seconds of wall time between checkpoints at the most."""
+MOST_SHARE = 20.0
+"""Times that the writing of a large one took, which then pass before the next."""
 
 FREE = ("duration", "checkpoint_every", "camera", "render")
 """Keys of a scene that change nothing of what has been simulated so far."""
@@ -34,60 +35,6 @@ _KEYS = {
     "loads": "load",
 }
 _MESHES = ("TetMesh", "SpringNet")
-_LEFTOVER = re.compile(
-    r"\.(probes\.csv|energy\.csv|summary\.json|frames\.pvd|checkpoint\.npz|frame_\d+\.vtu)"
-    r"\.\w+(\.so_far)?\.part"
-)
-
-
-@contextmanager
-def claimed(folder: Path) -> Iterator[None]:
-    """Keep other runs out of a folder, and remove what a killed one left half written.
-
-    The folder itself is locked: nothing stays behind when the process is killed.  Where a file
-    system or Windows offers no such lock, there is none.
-
-    Raises:
-        SceneError: another run is at work in it.
-    """
-    handle = _lock(folder)
-    try:
-        _sweep(folder)
-        yield
-    finally:
-        if handle is not None:
-            os.close(handle)
-
-
-def _sweep(folder: Path) -> None:
-    try:
-        for place in (folder, folder / "frames"):
-            for file in place.iterdir() if place.is_dir() else ():
-                if _LEFTOVER.fullmatch(file.name):
-                    file.unlink(missing_ok=True)
-    except OSError as error:
-        raise refusal(folder, error) from None
-
-
-def _lock(folder: Path) -> int | None:
-    try:
-        import fcntl
-    except ImportError:
-        return None
-    try:
-        handle = os.open(folder, os.O_RDONLY)
-    except OSError as error:
-        raise refusal(folder, error) from None
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        if error.errno not in (errno.EWOULDBLOCK, errno.EACCES):
-            return handle  # a file system without locks
-        os.close(handle)
-        raise SceneError(
-            f"another run is writing into {folder}; wait for its end, or name another folder"
-        ) from None
-    return handle
 
 
 class Published(Protocol):
@@ -98,47 +45,61 @@ class Published(Protocol):
 
 
 class Checkpoints:
-    """Writes DIR/checkpoint.npz every n-th frame (`checkpoint_every` of the scene).
+    """Writes DIR/checkpoint.npz every n-th frame (`checkpoint_every` of the scene), and every
+    30 s of wall time: an end without warning costs no more than that.
 
     Tables are published first: whatever happens, they are never behind the checkpoint.
     """
 
     def __init__(
         self,
-        folder: Path,
+        folder: ResultFolder,
         sim: Simulation,
         tables: Sequence[Published],
         *,
         notes: Callable[[], dict[str, Any]],
     ) -> None:
-        self.path = folder / NAME
+        self.path = folder.path / CHECKPOINT
         self.tables = tables
         self.every = self.looks_every = sim.scene.checkpoint_every
+        self._folder = folder
         self._notes = notes
         self._same = {"scene": described(sim.scene), "arch": sim.arch}
         self._last = sim.frame if sim.frame else None
+        self._pause, self._when = INTERVAL, time.monotonic()
 
     def on_frame(self, frame: Frame) -> None:
-        if self.every and frame.index % self.every == 0:
+        due = self.every and frame.index % self.every == 0
+        if due or time.monotonic() - self._when > self._pause:
             self.save(frame.simulation)
 
     def save(self, sim: Simulation) -> None:
         """Write a checkpoint of the present frame, unless that is what the last one holds."""
         if sim.frame == self._last:
             return
+        begun = time.monotonic()
         for table in self.tables:
             table.publish()
         resume.save(sim, self.path, notes=self._same | self._notes())
         self._last = sim.frame
+        frames = round(sim.scene.duration * sim.scene.frame_rate)
+        self._folder.tell(min(1.0, sim.frame / max(frames, 1)))
+        self._when = time.monotonic()
+        self._pause = max(INTERVAL, MOST_SHARE * (self._when - begun))
+
+    @property
+    def exist(self) -> bool:
+        """Whether there is one to go on from."""
+        return self._last is not None
 
 
 def find(folder: Path) -> Path:
     """The checkpoint in a folder; raises SceneError where there is none."""
-    path = folder / NAME
+    path = folder / CHECKPOINT
     if not path.is_file():
         raise SceneError(
-            f"{folder} holds no {NAME} to resume from: checkpoint_every in the scene writes one, "
-            "and so does Ctrl-C; run it without --resume"
+            f"{folder} holds no {CHECKPOINT} to resume from: a run writes one every 30 s, and at "
+            "its end; run it without --resume"
         )
     return path
 
@@ -150,14 +111,15 @@ def go_on(sim: Simulation, path: Path) -> dict[str, Any]:
         SceneError: a damaged checkpoint, or one of another scene, with the first key that differs.
     """
     content, arrays = checkpoint.read(path)
-    notes: dict[str, Any] | None = content.get("notes")
-    if notes is None:
-        raise SceneError(f"{path} is of another program than tisoft run; run the scene anew")
-    _compare(notes["scene"], described(sim.scene), "")
-    if notes["arch"] != sim.arch:
-        raise SceneError(f"{path} was written with --arch {notes['arch']}; go on with that")
-    resume.put(sim, content, arrays)
-    return notes
+    with checkpoint.damage_told(path):
+        notes: dict[str, Any] | None = content.get("notes")
+        if notes is None:
+            raise SceneError(f"{path} is of another program than tisoft run; run the scene anew")
+        _compare(notes["scene"], described(sim.scene), "")
+        if notes["arch"] != sim.arch:
+            raise SceneError(f"{path} was written with --arch {notes['arch']}; go on with that")
+        resume.put(sim, content, arrays)
+        return {key: notes[key] for key in ("seconds", "save_every")}
 
 
 def described(scene: Scene) -> Any:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tisoft.folders import Owner
 from tisoft.observers.scenery import Scenery, Survey
 from tisoft.render.video import Sink, open_sink
 from tisoft.scene import Scene
@@ -58,7 +59,10 @@ class Film:
 
 
 @contextmanager
-def film_to(path: str | Path, scene: Scene) -> Iterator[Film]:
-    """A Film of a scene that ends in the file `path`, whole or not at all."""
-    with open_sink(path, scene.render.size, scene.frame_rate) as sink:
+def film_to(path: str | Path, scene: Scene, owner: Owner | None = None) -> Iterator[Film]:
+    """A Film of a scene that ends in the file `path`, whole or not at all.
+
+    Where `path` is a folder, `owner` says whose result it is to hold.
+    """
+    with open_sink(path, scene.render.size, scene.frame_rate, owner) as sink:
         yield Film(sink)

@@ -1,13 +1,14 @@
-"""Progress on a terminal, and a clean end when it is interrupted."""
+"""Progress on a terminal, and frames that an end from outside does not cut."""
 
 from __future__ import annotations
 
-import signal
+import contextlib
+import math
 import sys
-import threading
-from types import FrameType
+from collections.abc import Sequence
 from typing import Any
 
+from tisoft import stops
 from tisoft.simulation import Frame, Simulation
 
 
@@ -38,41 +39,54 @@ class Progress:
 
     def on_frame(self, frame: Frame) -> None:
         if frame.index > self._first:
-            self._bar.update()
+            with contextlib.suppress(OSError):  # the terminal was closed
+                self._bar.update()
 
     def on_end(self, sim: Simulation) -> None:
         if self._bar is not None:
-            self._bar.close()
+            with contextlib.suppress(OSError):
+                self._bar.close()
 
 
-class Interruption:
-    """Turns Ctrl-C into an end between two frames, so that every observer has seen the same ones.
+class WholeFrames:
+    """Observers that all see the same frames, however a run is stopped: see `stops`."""
 
-    It must be the last of the observers.  A second Ctrl-C ends the run at once.
-    """
+    def __init__(self, observers: Sequence[Any]) -> None:
+        self.observers = observers
+        self.is_whole = False
+        """Whether the state is that of the last frame that the observers saw."""
 
-    looks_every = 0
-
-    def __init__(self) -> None:
-        self._asked = False
-        self.is_between_frames = False
-        """Whether the run ended by it, in a state that is whole."""
-        self._before: Any = None
+    @property
+    def looks_every(self) -> int:
+        """Frames after which some observer looks at the state: see `Simulation.run`."""
+        return math.gcd(*(getattr(observer, "looks_every", 1) for observer in self.observers))
 
     def on_start(self, sim: Simulation) -> None:
-        if threading.current_thread() is threading.main_thread():
-            self._before = signal.signal(signal.SIGINT, self._note)
-
-    def _note(self, number: int, frame: FrameType | None) -> None:
-        if self._asked:
-            raise KeyboardInterrupt
-        self._asked = True
+        self._tell("on_start", sim)
 
     def on_frame(self, frame: Frame) -> None:
-        if self._asked and frame.index == frame.simulation.frame:  # the last of those made together
-            self.is_between_frames = True
-            raise KeyboardInterrupt
+        self.is_whole = False
+        self._tell("on_frame", frame)
+        # Of frames made together the state is that of the last.
+        if frame.index == frame.simulation.frame and (stop := stops.asked()) is not None:
+            self.is_whole = True
+            raise stop
 
     def on_end(self, sim: Simulation) -> None:
-        if self._before is not None:
-            signal.signal(signal.SIGINT, self._before)
+        self._tell("on_end", sim)
+
+    def _tell(self, hook: str, subject: Frame | Simulation) -> None:
+        with stops.held():
+            for observer in self.observers:
+                getattr(observer, hook, _nothing)(subject)
+
+    def run(self, sim: Simulation, seconds: float | None = None) -> None:
+        """Run a simulation under these eyes; raises `Stopped` between frames where that is soon."""
+        with stops.between_frames():
+            sim.run(seconds, observers=[self])
+            self.is_whole = True
+        stops.raise_if_asked()
+
+
+def _nothing(_: Any) -> None:
+    return None

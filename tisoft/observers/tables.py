@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import itertools
-import re
 from pathlib import Path
 from typing import Any, Self
 from xml.sax.saxutils import quoteattr
 
 from tisoft.errors import SceneError
+from tisoft.folders import ResultFolder
+from tisoft.growing_file import GrowingFile
 from tisoft.observers.vtu import StateFiles
 from tisoft.simulation import Frame, Simulation
-from tisoft.whole_files import WholeFile, ends_well, make_folder, write_text
+from tisoft.whole_files import Unwritable, ends_well, make_folder, write_text
 
+STATE, STATE_LIST = "frames/frame_%05d.vtu", "frames.pvd"
 ENERGIES = ("kinetic", "elastic", "gravity", "dissipated", "external_work", "error")
 
 
@@ -25,7 +28,7 @@ def energies(sim: Simulation) -> dict[str, float | None]:
 
 
 class Table:
-    """A CSV file with a row per frame, whole at the end of a `with` block.
+    """A CSV file with a row per frame, whole rows at any moment, in a `with` block.
 
     `header` and `row` say what is in it.  With `goes_on` it starts with the rows of the file that
     lies there, up to the simulation's present frame.
@@ -35,8 +38,9 @@ class Table:
     looks_every = 0
 
     def __init__(self, folder: Path, *, goes_on: bool = False) -> None:
-        self._file = WholeFile(folder / self.name)
+        self.path = folder / self.name
         self._goes_on = goes_on
+        self._file: GrowingFile | None = None
 
     def header(self, sim: Simulation) -> list[str]:
         """Names of the columns after the time."""
@@ -47,44 +51,47 @@ class Table:
         raise NotImplementedError
 
     def __enter__(self) -> Self:
-        self._file.__enter__()
+        if not self._goes_on:
+            self._file = GrowingFile(self.path)
         return self
 
     def on_start(self, sim: Simulation) -> None:
         if self._goes_on:
-            for line in self._earlier(sim.frame):
-                self._file.write(line)
+            earlier = sum(len(line) for line in self._earlier(sim.frame))
+            self._file = GrowingFile(self.path, keep=earlier)
         else:
             self._write(["time", *self.header(sim)])
 
-    def _earlier(self, frame: int) -> list[str]:
+    def _earlier(self, frame: int) -> list[bytes]:
         """The header and the rows of the frames before `frame`."""
-        path = self._file.path
         try:
-            with path.open(encoding="utf-8", newline="") as file:
+            with self.path.open("rb") as file:
                 lines = list(itertools.islice(file, 1 + frame))
-        except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or "it is no text"
-            raise SceneError(f"{path} cannot be read: {reason}; run the scene anew") from None
-        if len(lines) <= frame or not lines[-1].endswith("\n"):
-            problem = f"{path} ends before frame {frame}, where the checkpoint is"
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise SceneError(f"{self.path} cannot be read: {reason}; run the scene anew") from None
+        if len(lines) <= frame or not lines[-1].endswith(b"\n"):
+            problem = f"{self.path} ends before frame {frame}, where the checkpoint is"
             raise SceneError(f"{problem}; run the scene anew")
         return lines
 
     def publish(self) -> None:
-        """Put the rows so far into the file."""
-        self._file.publish()
+        """Have the rows so far on the disk."""
+        if self._file is not None:
+            self._file.sync()
 
     def on_frame(self, frame: Frame) -> None:
         self._write([frame.time, *self.row(frame)])
 
-    def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
-        self._file.__exit__(kind, *rest)
+    def __exit__(self, *_: object) -> None:
+        if self._file is not None:
+            self._file.close()
 
     def _write(self, cells: list[Any]) -> None:
         line = io.StringIO()
         csv.writer(line, lineterminator="\n").writerow(cells)
-        self._file.write(line.getvalue())
+        assert self._file is not None
+        self._file.append(line.getvalue())
 
 
 class ProbeTable(Table):
@@ -119,7 +126,7 @@ class States:
     simulation's present one lie there already.
     """
 
-    def __init__(self, folder: Path, every: int, *, goes_on: bool = False) -> None:
+    def __init__(self, folder: ResultFolder, every: int, *, goes_on: bool = False) -> None:
         self.folder = folder
         self.every = self.looks_every = every
         self._goes_on = goes_on
@@ -127,47 +134,39 @@ class States:
         self._files: StateFiles | None = None
 
     def __enter__(self) -> Self:
-        make_folder(self.folder / "frames")
+        make_folder(self.folder.path / "frames")
         return self
 
     def on_start(self, sim: Simulation) -> None:
         self._files = StateFiles(sim)
         if self._goes_on:
             for index in range(0, sim.frame, self.every):
-                path = self.folder / "frames" / frame_name(index)
-                if not path.is_file():
-                    raise SceneError(f"{path} is missing; run the scene anew")
-                self._saved.append((index / sim.scene.frame_rate, path.name))
+                name = STATE % index
+                if not (self.folder.path / name).is_file():
+                    problem = f"{self.folder.path / name} is missing"
+                    raise SceneError(f"{problem}; run the scene anew")
+                self._saved.append((index / sim.scene.frame_rate, name))
 
     def on_frame(self, frame: Frame) -> None:
         if frame.index % self.every:
             return
-        name = frame_name(frame.index)
         assert self._files is not None
-        self._files.write(self.folder / "frames" / name)
-        self._saved.append((frame.time, name))
+        self._files.write(self.folder.claim(STATE, frame.index, self.every))
+        self._saved.append((frame.time, STATE % frame.index))
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Write the list, and remove what an older run left in the folder."""
-        if not ends_well(kind):
-            return
-        self.publish()
-        names = {name for _, name in self._saved}
-        for old in (self.folder / "frames").iterdir():
-            if re.fullmatch(r"frame_\d{5,}\.vtu", old.name) and old.name not in names:
-                old.unlink()
+        if kind is None:
+            self.publish()
+        elif ends_well(kind):
+            with contextlib.suppress(Unwritable):  # what happened first is told
+                self.publish()
 
     def publish(self) -> None:
         """Write the list of the frames so far."""
         rows = [
-            f'    <DataSet timestep="{time!r}" file={quoteattr("frames/" + name)}/>'
+            f'    <DataSet timestep="{time!r}" file={quoteattr(name)}/>'
             for time, name in self._saved
         ]
         head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>'
         text = "\n".join([head, *rows, "  </Collection>\n</VTKFile>\n"])
-        write_text(self.folder / "frames.pvd", text)
-
-
-def frame_name(index: int) -> str:
-    """The file of a frame."""
-    return f"frame_{index:05d}.vtu"
+        write_text(self.folder.path / STATE_LIST, text)

@@ -1,8 +1,9 @@
 """Pictures to files: MP4, GIF and WebP through ffmpeg, PNG, and folders of PNGs.
 
 Pictures are written as they come. A file appears under its own name only when it is whole: until
-then it has a temporary name in the same folder, which is removed when anything goes wrong. An
-interruption from the keyboard ends the film early: what was drawn so far is kept, whole.
+then it has a temporary name in the same folder, which is removed when anything goes wrong, by the
+next film of that name where the program was killed. A signal ends the film early: what was drawn so
+far is kept, whole.
 """
 
 from __future__ import annotations
@@ -10,10 +11,8 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-import shutil
 import subprocess
 import tempfile
-import uuid
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Self
@@ -22,10 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from tisoft import stops
 from tisoft.errors import SceneError
+from tisoft.folders import Owner, ResultFolder, check_free
+from tisoft.whole_files import ends_well, lock, part_name, refusal, sweep, unlock, written
 
 Picture = NDArray[np.uint8]
 
+PICTURE = "frame_%05d.png"
 GIF_RATE = 50.0  # browsers slow down what is faster; GIF counts in steps of 10 ms
 
 # Arguments for ffmpeg by suffix, between the input and the output.
@@ -49,12 +52,15 @@ CODECS = {
 }
 
 
-def open_sink(path: str | Path, size: tuple[int, int], frame_rate: float) -> Sink:
+def open_sink(
+    path: str | Path, size: tuple[int, int], frame_rate: float, owner: Owner | None = None
+) -> Sink:
     """A context into which pictures of one size (pixels) are written at a rate (1/s).
 
     The suffix chooses: .mp4, .gif, .webp, .png (the last picture only); without a suffix, or with
-    a slash at the end, a folder of frame_00000.png and so on. Raises SceneError for another
-    suffix, a folder that cannot be written, and, while writing, a full disk.
+    a slash at the end, a folder of frame_00000.png and so on; `owner` says whose it is. Raises
+    SceneError for another suffix, a folder that cannot be written or is another's, and, while
+    writing, a full disk.
     """
     folder = str(path).endswith(("/", os.sep)) or Path(path).is_dir()
     path = Path(path)
@@ -64,7 +70,7 @@ def open_sink(path: str | Path, size: tuple[int, int], frame_rate: float) -> Sin
             f"The frame rate is {frame_rate}: give a positive number (frames a second)."
         )
     if folder or not suffix:
-        return FolderSink(path)
+        return FolderSink(path, owner or Owner())
     if suffix == ".png":
         return PngSink(path)
     if suffix in CODECS:
@@ -81,23 +87,34 @@ class Sink:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.count = 0
-        self._part = _partial_name(path)
+        self._part: Path | None = None
+        self._lock: int | None = None
+
+    @property
+    def kept(self) -> int:
+        """Number of pictures that stay."""
+        return self.count
 
     def write(self, picture: Picture) -> None:
         """Append a picture, shape (height, width, 3), sRGB bytes. Raises SceneError."""
         try:
             self._append(picture)
         except OSError as error:
-            raise _refusal(self.path, error) from error
+            raise refusal(self.path, error) from error
         self.count += 1
 
     def __enter__(self) -> Self:
         try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._begin()
-        except OSError as error:
+            with stops.held():
+                self.path.parent.mkdir(parents=True, exist_ok=True)
+                check_free(self.path)
+                sweep(self.path.parent, self.path)
+                self._begin()
+        except BaseException as error:
             self._discard()
-            raise _refusal(self.path, error) from error
+            if isinstance(error, OSError):
+                raise refusal(self.path, error) from error
+            raise
         return self
 
     def __exit__(
@@ -106,13 +123,14 @@ class Sink:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        try:
-            if self.count and (kind is None or issubclass(kind, KeyboardInterrupt)):
-                self._finish()
-        except OSError as problem:
-            raise _refusal(self.path, problem) from problem
-        finally:
-            self._discard()
+        with stops.held():
+            try:
+                if self.count and (kind is None or issubclass(kind, KeyboardInterrupt)):
+                    self._finish()
+            except OSError as problem:
+                raise refusal(self.path, problem) from problem
+            finally:
+                self._discard()
 
     def _begin(self) -> None:
         """Open the temporary file; an unwritable folder is told now, not after the simulation."""
@@ -125,10 +143,20 @@ class Sink:
         """Complete the temporary file and give it its name."""
         raise NotImplementedError
 
+    def _open_part(self) -> Path:
+        """Make the temporary file, and lock it: nobody takes it for litter."""
+        self._part = _partial_name(self.path)
+        self._part.touch()
+        self._lock = lock(self._part)
+        return self._part
+
     def _discard(self) -> None:
         """Remove what is temporary, if it is still there."""
-        with contextlib.suppress(OSError):
-            self._part.unlink()
+        unlock(self._lock)
+        self._lock = None
+        if self._part is not None:
+            with contextlib.suppress(OSError):
+                self._part.unlink()
 
 
 class PngSink(Sink):
@@ -136,39 +164,55 @@ class PngSink(Sink):
 
     _last: Picture | None = None
 
+    @property
+    def kept(self) -> int:
+        return min(1, self.count)
+
     def _begin(self) -> None:
-        self._part.touch()
+        self._open_part()
 
     def _append(self, picture: Picture) -> None:
         self._last = picture
 
     def _finish(self) -> None:
         assert self._last is not None
+        assert self._part is not None
         Image.fromarray(self._last).save(self._part, format="PNG")
         os.replace(self._part, self.path)
 
 
 class FolderSink(Sink):
-    """Every picture, numbered; those of an older film in the folder are replaced or removed."""
+    """Every picture, numbered; each appears whole. Those of an older film in the folder go."""
 
-    def _begin(self) -> None:
-        self._part.mkdir()
+    def __init__(self, path: Path, owner: Owner) -> None:
+        super().__init__(path)
+        self._folder = ResultFolder(path, owner)
+        self._expected = owner.pictures
+
+    def __enter__(self) -> Self:
+        self._folder.__enter__()
+        try:
+            self._folder.foresee((), {PICTURE: (1, self._expected - 1)})
+        except BaseException as error:
+            self._folder.__exit__(type(error), error, None)
+            raise
+        return self
 
     def _append(self, picture: Picture) -> None:
-        name = self._part / f"frame_{self.count:05d}.png"
-        Image.fromarray(picture).save(name, format="PNG", compress_level=3)
+        if not self.count:
+            self._folder.begin(())
+        with written(self._folder.claim(PICTURE, self.count)) as file:
+            Image.fromarray(picture).save(file, format="PNG", compress_level=3)
 
-    def _finish(self) -> None:
-        self.path.mkdir(exist_ok=True)
-        names = {part.name for part in self._part.iterdir()}
-        for name in sorted(names):
-            os.replace(self._part / name, self.path / name)
-        for old in self.path.glob("frame_[0-9][0-9][0-9][0-9][0-9].png"):
-            if old.name not in names:
-                old.unlink()
-
-    def _discard(self) -> None:
-        shutil.rmtree(self._part, ignore_errors=True)
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if not self.count or not ends_well(kind):
+            self._folder.discard()
+        self._folder.__exit__(kind, error, trace)
 
 
 class FilmSink(Sink):
@@ -186,20 +230,21 @@ class FilmSink(Sink):
     def _begin(self) -> None:
         import imageio_ffmpeg
 
-        self._part.touch()
+        part = self._open_part()
         width, height = (n + p for n, p in zip(self._size, self._pad, strict=True))
         rate = f"fps={GIF_RATE:g}," if self._rate > GIF_RATE else ""
         codec = [argument.replace("{rate}", rate) for argument in CODECS[self._suffix]]
         command = [
             *(imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error", "-nostdin"),
             *("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}"),
-            *("-r", f"{self._rate:.9g}", "-i", "pipe:0", *codec, str(self._part)),
+            *("-r", f"{self._rate:.9g}", "-i", "pipe:0", *codec, str(part)),
         ]
         self._log = tempfile.TemporaryFile()
-        # Its own session: Ctrl-C is for the simulation, which then ends the film properly.
-        self._encoder = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stderr=self._log, start_new_session=True
-        )
+        # Its own session, and deaf: signals are for the simulation, which then ends the film.
+        with stops.kept_back():
+            self._encoder = subprocess.Popen(
+                command, stdin=subprocess.PIPE, stderr=self._log, start_new_session=True
+            )
 
     def _append(self, picture: Picture) -> None:
         assert self._encoder is not None and self._encoder.stdin is not None
@@ -217,6 +262,7 @@ class FilmSink(Sink):
         # ffmpeg ends with 0 even when the last bytes did not fit on the disk, but complains.
         if self._encoder.wait() != 0 or self._complaint():
             self._raise_complaint()
+        assert self._part is not None
         os.replace(self._part, self.path)
 
     def _complaint(self) -> str:
@@ -248,11 +294,4 @@ class FilmSink(Sink):
 
 def _partial_name(path: Path) -> Path:
     """A name in the same folder that nobody else uses."""
-    return path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.part")
-
-
-def _refusal(path: Path, error: OSError) -> SceneError:
-    if error.errno == errno.ENOSPC:
-        return SceneError(f"{path} was not written: the disk is full; make room and run it again.")
-    reason = error.strerror or str(error)
-    return SceneError(f"{path} cannot be written: {reason}; choose another place with -o.")
+    return part_name(path)

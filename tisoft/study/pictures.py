@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import io
-import os
-import uuid
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tisoft.study.axis import Axis
-from tisoft.whole_files import refusal, write_text
+from tisoft.whole_files import write_bytes, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -82,15 +80,3 @@ def _matplotlib() -> Iterator[Any]:
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(STYLE)  # type: ignore[arg-type]
         yield make
-
-
-def write_bytes(path: Path, data: bytes) -> None:
-    """Write a whole file; raises SceneError."""
-    part = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.part")
-    try:
-        part.write_bytes(data)
-        os.replace(part, path)
-    except OSError as error:
-        raise refusal(path, error) from None
-    finally:
-        part.unlink(missing_ok=True)

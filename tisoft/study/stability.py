@@ -39,6 +39,12 @@ def chosen(only: str | None) -> list[str]:
     return [name for name in AXES if name in names]
 
 
+def files_of(names: Iterable[str]) -> list[str]:
+    """What `write_study` writes for these axes, relative to its folder."""
+    pictures_and_tables = [f"{name}.{kind}" for name in names for kind in ("png", "svg", "csv")]
+    return [*pictures_and_tables, "stability.md", "summary.json"]
+
+
 class Study:
     """The failure map of one scene, axis by axis.
 

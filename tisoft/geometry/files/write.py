@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tisoft.errors import SceneError
+from tisoft.whole_files import written
 
 
 def write_vtu(
@@ -35,12 +35,5 @@ def write_vtu(
     per_cell = {name: np.split(np.asarray(v), ends) for name, v in (cell_data or {}).items()}
     per_point = {name: np.asarray(v) for name, v in (point_data or {}).items()}
     mesh = meshio.Mesh(np.asarray(points), blocks, point_data=per_point, cell_data=per_cell)
-    path = Path(path)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        mesh.write(part, file_format="vtu")
-        os.replace(part, path)
-    except OSError as error:
-        raise SceneError(f"{path} cannot be written: {error.strerror or error}") from error
-    finally:
-        part.unlink(missing_ok=True)
+    with written(Path(path)) as file:
+        mesh.write(Path(file.name), file_format="vtu")  # it wants to open files itself
