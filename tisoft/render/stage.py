@@ -1,4 +1,4 @@
-"""What a picture knows of the camera's frustum, the lamp's map and the ground's: rows of numbers for
+"""What a picture knows of the camera's frustum, the lamp's and the ground's map: rows of numbers for
 the kernels, see layout.py.  Lengths in distances from the eye to the target, about the target."""
 
 from __future__ import annotations
