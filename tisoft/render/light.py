@@ -101,8 +101,8 @@ def lit(place, stage: ti.template(), tables: ti.template()):
     at = ti.cast(y, ti.i32) * size + ti.cast(x, ti.i32)
     total, found = 0.0, 0
     for k in range(SEARCH):
-        way = stage[DISC + k]  # in whole texels, and how far it is
-        above = tables[LAMP_MAP, at + ti.cast(way[1] * size + way[0], ti.i32)] - height
+        way = stage[DISC + k]
+        above = tables[LAMP_MAP, at + ti.cast(way[3], ti.i32)] - height
         # Only what is far enough above to throw its penumbra as far as this.
         if above > 0.0 and above * SPREAD >= (way[2] - 2.0) * texel:
             total += above

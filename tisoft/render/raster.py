@@ -16,6 +16,7 @@ from tisoft.render.geometry import (
     Rows,
     Vertices,
     head,
+    vec2,
     vec3d,
 )
 from tisoft.render.layout import NEAR, PLACE, PLACES, SCREEN, SIZES, TILE, TO_X
@@ -89,10 +90,9 @@ def scan(
     p, q, r = sorted_corners(p, q, r)
     if good:
         long, upper, lower = slope(p, r), slope(p, q), slope(q, r)
-        side = ti.cast(TILE, ti.f32)
+        side, corner = ti.cast(TILE, ti.f32), vec2(tile % columns * TILE, tile // columns * TILE)
         for k in range(samples):
-            place = stage[PLACES + k]
-            ox, oy = place[0] + tile % columns * TILE, place[1] + tile // columns * TILE
+            ox, oy = corner[0] + stage[PLACES + k][0], corner[1] + stage[PLACES + k][1]
             y0, y1 = first_at_least(p[1] - oy, 0.0, side), first_at_least(r[1] - oy, 0.0, side)
             for y in range(y0, y1):
                 left, right = span(y + oy, p, q, long, upper, lower)

@@ -15,13 +15,14 @@ from tisoft.render import layout as at
 from tisoft.render.batch import Batch
 from tisoft.render.camera import Camera
 from tisoft.render.items import Item
-from tisoft.render.shade import draw_kernel
+from tisoft.render.shade import draw_kernel, ground_kernel
 from tisoft.render.stage import Canvas, GroundPlane, places_of, stage_of
 
 DIM_SIZE = 96  # texels along the map of the ground's dimness
 LEAST_WORK = 512  # iterations that Taichi gives to one thread at the least
 
 Picture = NDArray[np.uint8]
+Jobs = tuple[NDArray[np.int32], NDArray[np.int32]]
 
 __all__ = ["GroundPlane", "Renderer"]
 
@@ -90,7 +91,9 @@ class Renderer:
         self._map_lamp(shown, stage)
         if self.canvas.ground is not None:
             self._map_ground(shown)
-        jobs = self._see_tiles(shown, stage) if self._on_cpu else self._see_samples(shown, stage)
+        busy, bare = (
+            self._see_tiles(shown, stage) if self._on_cpu else self._see_samples(shown, stage)
+        )
         picture = arrays.device(self._empty.copy(), vectors=True)
         kernel = draw_kernel(
             capsules=batch.capsule_count > 0,
@@ -98,10 +101,13 @@ class Renderer:
             alpha=self.alpha,
             together=self._on_cpu,
         )
-        kernel(
-            shown.stage, shown.vertices, shown.primitives, self._keys, self._tables,
-            arrays.device(jobs), self._base, picture,
-        )  # fmt: skip
+        if len(busy):
+            kernel(
+                shown.stage, shown.vertices, shown.primitives, self._keys, self._tables,
+                arrays.device(busy), self._base, picture,
+            )  # fmt: skip
+        if len(bare):
+            ground_kernel(alpha=self.alpha)(shown.stage, self._tables, bare, self._base, picture)
         width, height = self.canvas.size
         return runtime.read(picture).reshape(height, width, -1)
 
@@ -149,8 +155,8 @@ class Renderer:
         if batch.triangle_count and (depths <= at.NEAR).any():
             raster.see_cut_triangles(*args, marks)
 
-    def _see_tiles(self, shown: arrays.Shown, stage: Any) -> NDArray[np.int32]:
-        """Fill the keys, tile by tile; returns the jobs of drawing."""
+    def _see_tiles(self, shown: arrays.Shown, stage: Any) -> Jobs:
+        """Fill the keys, tile by tile; returns the tiles with primitives and those with ground."""
         batch, tiles = self._batch, len(self._scattered)
         counts = np.zeros(tiles, np.int32)
         args = (shown.vertices, shown.primitives, batch.triangle_count, shown.stage)
@@ -161,23 +167,23 @@ class Renderer:
         raster.bin_triangles(*args, first[:-1].copy(), len(self._lists), self._lists)
         marks = np.zeros(tiles, np.int32)
         self._see_rare(shown, stage, marks)
-        full = self._scattered[counts[self._scattered] > 0]
         raster.see_tiles(
             shown.vertices, shown.primitives, shown.stage, self._keys,
-            _spread(full), first, self._lists,
+            self._jobs(counts > 0), first, self._lists,
         )  # fmt: skip
         busy = (counts > 0) | (marks > 0)
-        drawn = busy | self._shadowed_tiles(stage)
-        chosen = self._scattered[drawn[self._scattered]]
-        return _spread(2 * chosen + busy[chosen])
+        return self._jobs(busy), self._jobs(~busy & self._shadowed_tiles(stage))
 
-    def _see_samples(self, shown: arrays.Shown, stage: Any) -> NDArray[np.int32]:
+    def _jobs(self, chosen: NDArray[np.bool_]) -> NDArray[np.int32]:
+        return _spread(self._scattered[chosen[self._scattered]])
+
+    def _see_samples(self, shown: arrays.Shown, stage: Any) -> Jobs:
         """Fill the keys, each triangle for itself, as suits a GPU; all tiles are drawn."""
         tiles = len(self._scattered)
         args = (shown.vertices, shown.primitives, self._batch.triangle_count, shown.stage)
         raster.see_triangles(*args, self._keys)
         self._see_rare(shown, stage, arrays.device(np.zeros(tiles, np.int32)))
-        return 2 * np.arange(tiles, dtype=np.int32) + 1
+        return np.arange(tiles, dtype=np.int32), np.zeros(0, np.int32)
 
     def _shadowed_tiles(self, stage: Any) -> NDArray[np.bool_]:
         """Which tiles shadows on the ground, or its dimness, may reach."""
@@ -185,20 +191,18 @@ class Renderer:
             return np.zeros(len(self._scattered), bool)
         tables = runtime.read(self._tables)
         sizes, columns, lines = self.canvas.map_sizes, self.canvas.columns, self.canvas.lines
-        boxes = [_reached(tables[at.SHADOW], sizes[0], 1), _reached(tables[at.DIM], sizes[1], 0)]
         x, y = np.meshgrid(np.arange(columns + 1) * at.TILE, np.arange(lines + 1) * at.TILE)
         rows = stage[[at.FLOOR, at.ON_LAMP_X, at.ON_LAMP_Y, at.ON_GROUND_X, at.ON_GROUND_Y], :3]
         grid = np.stack([x, y, np.ones_like(x)], axis=-1) @ rows.T
         with np.errstate(divide="ignore", invalid="ignore"):
-            places = grid[..., 1:] / grid[..., :1]
+            places = np.nan_to_num(grid[..., 1:] / grid[..., :1])
         shifts = [(slice(v, v + lines), slice(u, u + columns)) for v in (0, 1) for u in (0, 1)]
         lo = np.minimum.reduce([places[shift] for shift in shifts])
         hi = np.maximum.reduce([places[shift] for shift in shifts])
         behind = np.stack([grid[shift][..., 0] <= 0.0 for shift in shifts])
         hit = behind.any(axis=0)  # a tile across the horizon
-        for (x0, y0, x1, y1), k in zip(boxes, (0, 2), strict=True):
-            across = (hi[..., k] >= x0) & (lo[..., k] <= x1)
-            hit |= across & (hi[..., k + 1] >= y0) & (lo[..., k + 1] <= y1)
+        hit |= _some_within(tables[at.SHADOW], sizes[0], 1, lo[..., :2], hi[..., :2])
+        hit |= _some_within(tables[at.DIM], sizes[1], 0, lo[..., 2:], hi[..., 2:])
         return np.asarray(hit & ~behind.all(axis=0)).ravel()
 
 
@@ -216,18 +220,26 @@ def _scattered(tiles: int) -> NDArray[np.int32]:
 def _spread(jobs: NDArray[Any]) -> NDArray[np.int32]:
     """Jobs with -1 between them, so many that all threads take part."""
     repeat = max(1, -(-LEAST_WORK * runtime.threads() // max(len(jobs), 1)))
-    out = np.full(max(len(jobs), 1) * repeat, -1, np.int32)
-    out[: len(jobs) * repeat : repeat] = jobs
+    out = np.full(len(jobs) * repeat, -1, np.int32)
+    out[::repeat] = jobs
     return out
 
 
-def _reached(pyramid: NDArray[np.float32], size: int, level: int) -> tuple[float, ...]:
-    """The box x0, y0, x1, y1, in texels of the finest level, of what is not zero in a level."""
+def _some_within(
+    pyramid: NDArray[np.float32], size: int, level: int, lo: NDArray[Any], hi: NDArray[Any]
+) -> NDArray[np.bool_]:
+    """Whether anything but zero lies in rectangles of a map, given in texels of the finest level.
+
+    Counted in a table of sums over all rectangles from the corner (Crow 1984).
+    """
     n = size >> level
     start = 4 * (size * size - n * n) // 3
-    some = pyramid[start : start + n * n].reshape(n, n) > 1e-3
-    if not some.any():
-        return np.inf, np.inf, -np.inf, -np.inf
-    x, y = np.flatnonzero(some.any(axis=0)), np.flatnonzero(some.any(axis=1))
-    lo, hi = np.array([x[0], y[0]]) - 1, np.array([x[-1], y[-1]]) + 2
-    return *(lo << level).tolist(), *(hi << level).tolist()
+    sums = np.zeros((n + 1, n + 1), np.int32)
+    sums[1:, 1:] = pyramid[start : start + n * n].reshape(n, n) > 1e-3
+    np.cumsum(sums, axis=0, out=sums)
+    np.cumsum(sums, axis=1, out=sums)
+    (x0, y0), (x1, y1) = (
+        np.moveaxis(np.clip(edge / 2**level + shift, 0, n).astype(int), -1, 0)
+        for edge, shift in ((lo, -1), (hi, 3))
+    )
+    return np.asarray(sums[y1, x1] - sums[y0, x1] - sums[y1, x0] + sums[y0, x0] > 0)

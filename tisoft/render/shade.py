@@ -66,6 +66,7 @@ HOLLOW, HOLLOW_REACH = 0.4, 24.0  # share of the sky that hollows lose; texels w
 THROUGH, THROUGH_REACH = 0.55, 14.0  # light through thin parts, and texels that take most of it
 ALIKE_NORMAL, ALIKE_DEPTH = 0.8, 0.01  # of two samples' surfaces that are shaded as one
 COOL = vec3(0.96, 0.99, 1.05)  # tint of what the lamp does not reach
+DARK = 0.999  # factor below which the ground is drawn anew
 SINK = 0.9998  # a body at rest on the ground may sink in a little
 
 AlphaPixels = ti.types.ndarray(dtype=ti.types.vector(4, ti.u8), ndim=1)
@@ -177,8 +178,8 @@ def reflected(s: ti.template(), to_eye, up, lamp, light, material):
     n, base, share, dim = s.normal, s.base, light[0], light[1]
     facing = ti.max(n.dot(to_eye), 0.0)
     # Light enters and leaves soft matter elsewhere: the terminator is wide and saturated.
-    wrap = 0.08 + 0.22 * base
-    direct = ti.max((n.dot(lamp) + wrap) / (1.0 + wrap), 0.0)
+    # This is (n·l + w)/(1 + w) with w = .08 + .22 base, without the division.
+    direct = ti.max(1.0 - (1.0 - n.dot(lamp)) * (0.926 - 0.157 * base), 0.0)
     key = KEY * vec3(1.0, 0.97, 0.92) * direct * (0.04 + 0.96 * share)
     height = 0.5 + 0.5 * n.dot(up)
     ambient = vec3(0.30, 0.34, 0.40) * height * (1.0 - HOLLOW * light[2])
@@ -238,10 +239,30 @@ def ground_light(x, y, sight: ti.template(), stage: ti.template(), tables: ti.te
 
 
 @cache
+def _blend(alpha: bool) -> Any:
+    """The function that puts light of bodies before the background, or before nothing."""
+
+    @ti.func
+    def before_nothing(color, rest, factor, sight: ti.template(), base, tables: ti.template()):
+        solid = 1.0 - rest / sight.samples
+        rgb = encode(color / (solid * sight.samples), tables)
+        return ti.Vector([rgb[0], rgb[1], rgb[2], ti.cast(255.0 * solid + 0.5, ti.u8)])
+
+    @ti.func
+    def before_sky(color, rest, factor, sight: ti.template(), base, tables: ti.template()):
+        """`rest`: samples that see the background, darkened by a factor."""
+        tint = COOL * (1.0 - factor) + factor
+        return encode((color + rest * tint * base) / sight.samples, tables)
+
+    return before_nothing if alpha else before_sky
+
+
+@cache
 def draw_kernel(*, capsules: bool, wires: bool, alpha: bool, together: bool) -> Any:
     """The kernel that draws pictures with or without capsules and wires, and on a background or
     with alpha; `together`: a tile is one iteration, for a CPU, or else a pixel, for a GPU."""
     picture_type = AlphaPixels if alpha else Pixels
+    blend = _blend(alpha)
     per_tile = 1 if together else TILE * TILE
     per_job = TILE * TILE // per_tile
 
@@ -266,13 +287,10 @@ def draw_kernel(*, capsules: bool, wires: bool, alpha: bool, together: bool) -> 
         stage: Rows, vertices: Vertices, primitives: Primitives, keys: Keys, tables: Tables,
         jobs: Integers, base: Colors, picture: picture_type,
     ):  # fmt: skip
-        """Jobs are twice a tile, and 1 more where samples may see primitives; or -1 for none.
-
-        The keys are left empty.
-        """
+        """Each job is a tile, or -1 for none.  The keys are left empty."""
         for job in range(jobs.shape[0] * per_tile):
-            tile, busy = jobs[job // per_tile] // 2, jobs[job // per_tile] % 2 == 1
-            if jobs[job // per_tile] >= 0:
+            tile = jobs[job // per_tile]
+            if tile >= 0:
                 sight = sight_of(stage)
                 width, height = ti.cast(stage[SIZES][0], ti.i32), ti.cast(stage[SIZES][1], ti.i32)
                 columns = ti.cast(stage[SIZES][3], ti.i32)
@@ -281,32 +299,31 @@ def draw_kernel(*, capsules: bool, wires: bool, alpha: bool, together: bool) -> 
                     x, y = left + p % TILE, top + p // TILE
                     if x < width and y < height:
                         first, second = nothing(), nothing()
-                        if busy:
-                            seen, many, now = -1, 0.0, nothing()
-                            for k in range(sight.samples + 1):
-                                what, inverse, sx, sy = -1, 0.0, 0.0, 0.0
-                                if k < sight.samples:
-                                    at = (tile * sight.samples + k) * TILE * TILE + p
-                                    key = keys[at]
-                                    if key != 0:
-                                        keys[at] = 0
-                                        sx, sy = x + stage[PLACES + k][0], y + stage[PLACES + k][1]
-                                        inverse = ti.bit_cast(ti.cast(key >> 32, ti.i32), ti.f32)
-                                        if on(sight.floor, sx, sy) * SINK <= inverse:
-                                            what = ti.cast(key, ti.i32)
-                                if what != seen or k == sight.samples:
-                                    if seen >= 0:
-                                        if alike(now, first):
-                                            add(many, now, first)
-                                        else:
-                                            add(many, now, second)
-                                    seen, many = what, 0.0
-                                    if what >= 0:
-                                        now = look_at(
-                                            what, sx, sy, inverse, sight, stage, vertices,
-                                            primitives,
-                                        )  # fmt: skip
-                                many += 1.0
+                        seen, many, now = -1, 0.0, nothing()
+                        for k in range(sight.samples + 1):
+                            what, inverse, sx, sy = -1, 0.0, 0.0, 0.0
+                            if k < sight.samples:
+                                at = (tile * sight.samples + k) * TILE * TILE + p
+                                key = keys[at]
+                                if key != 0:
+                                    keys[at] = 0
+                                    sx, sy = x + stage[PLACES + k][0], y + stage[PLACES + k][1]
+                                    inverse = ti.bit_cast(ti.cast(key >> 32, ti.i32), ti.f32)
+                                    if on(sight.floor, sx, sy) * SINK <= inverse:
+                                        what = ti.cast(key, ti.i32)
+                            if what != seen or k == sight.samples:
+                                if seen >= 0:
+                                    if alike(now, first):
+                                        add(many, now, first)
+                                    else:
+                                        add(many, now, second)
+                                seen, many = what, 0.0
+                                if what >= 0:
+                                    now = look_at(
+                                        what, sx, sy, inverse, sight, stage, vertices,
+                                        primitives,
+                                    )  # fmt: skip
+                            many += 1.0
                         at, cx, cy = y * width + x, x + 0.5, y + 0.5
                         bodies = first.weight + second.weight
                         rest = sight.samples - bodies
@@ -318,16 +335,36 @@ def draw_kernel(*, capsules: bool, wires: bool, alpha: bool, together: bool) -> 
                         factor = 1.0
                         if rest > 0.0:
                             factor = ground_light(cx, cy, sight, stage, tables)
-                        if bodies > 0.0 or factor < 0.999:
-                            if ti.static(alpha):
-                                solid = 1.0 - rest * factor / sight.samples
-                                rgb = encode(color / (solid * sight.samples), tables)
-                                a = ti.cast(255.0 * solid + 0.5, ti.u8)
-                                picture[at] = ti.Vector([rgb[0], rgb[1], rgb[2], a])
-                            else:
-                                if rest > 0.0:
-                                    tint = COOL * (1.0 - factor) + factor
-                                    color += rest * factor * tint * base[at]
-                                picture[at] = encode(color / sight.samples, tables)
+                        if bodies > 0.0 or factor < DARK:
+                            rest *= factor
+                            picture[at] = blend(color, rest, factor, sight, base[at], tables)
 
     return draw
+
+
+@cache
+def ground_kernel(*, alpha: bool) -> Any:
+    """The kernel that draws tiles with nothing but ground in them."""
+    picture_type = AlphaPixels if alpha else Pixels
+    blend = _blend(alpha)
+
+    @ti.kernel
+    def draw_ground(
+        stage: Rows, tables: Tables, jobs: Integers, base: Colors, picture: picture_type
+    ):  # fmt: skip
+        for job in range(jobs.shape[0]):
+            tile = jobs[job]
+            if tile >= 0:
+                sight = sight_of(stage)
+                width, height = ti.cast(stage[SIZES][0], ti.i32), ti.cast(stage[SIZES][1], ti.i32)
+                columns = ti.cast(stage[SIZES][3], ti.i32)
+                left, top = tile % columns * TILE, tile // columns * TILE
+                for p in range(TILE * TILE):
+                    x, y = left + p % TILE, top + p // TILE
+                    if x < width and y < height:
+                        factor = ground_light(x + 0.5, y + 0.5, sight, stage, tables)
+                        if factor < DARK:
+                            at, rest = y * width + x, factor * sight.samples
+                            picture[at] = blend(vec3(0.0), rest, factor, sight, base[at], tables)
+
+    return draw_ground

@@ -1,5 +1,5 @@
-"""What a picture knows of the camera's frustum, the lamp's and the ground's map: rows of numbers for
-the kernels, see layout.py.  Lengths in distances from the eye to the target, about the target."""
+"""What a picture knows of the camera's frustum and of the maps of lamp and ground: rows of numbers
+for the kernels, see layout.py.  Lengths in distances from the eye to the target, about it."""
 
 from __future__ import annotations
 
@@ -62,9 +62,9 @@ def places_of(samples: int) -> Floats:
     return (np.stack([k, k * turn % (n + 1)], axis=1) / (n + 1)).astype(np.float32)
 
 
-def disc_rows() -> Floats:
+def disc_rows(size: int) -> Floats:
     """Points spread evenly over the unit disc (Vogel's spiral) and their radii; those of the search
-    in whole texels of its reach."""
+    in whole texels of its reach, and how far that is along a map of size²."""
     rows = []
     for count in (at.SEARCH, at.TAPS):
         k = np.arange(count)
@@ -72,6 +72,7 @@ def disc_rows() -> Floats:
         rows.append(np.stack([r * np.cos(angle), r * np.sin(angle), r, 0.0 * r], axis=1))
     rows[0][:, :2] = np.floor(0.5 + light.REACH * rows[0][:, :2])
     rows[0][:, 2] *= light.REACH
+    rows[0][:, 3] = rows[0][:, 1] * size + rows[0][:, 0]
     return np.concatenate(rows).astype(np.float32)
 
 
@@ -81,7 +82,7 @@ def stage_of(canvas: Canvas, camera: Camera, places: Floats, pad: float, items: 
     width, height = canvas.size
     stage[at.SIZES] = width, height, len(canvas.places), canvas.columns
     stage[at.PLACES : at.PLACES + len(canvas.places), :2] = canvas.places
-    stage[at.DISC : at.ITEMS] = disc_rows()
+    stage[at.DISC : at.ITEMS] = disc_rows(canvas.map_sizes[0])
     stage[at.ITEMS : at.ITEMS + len(items)] = items
     _view(stage, canvas, camera)
     direction, normal = _lamp_direction(canvas, camera), _normal(canvas)
