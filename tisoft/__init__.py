@@ -11,6 +11,7 @@ from tisoft.errors import Diverged, MeshError, NoEquilibrium, SceneError, Tisoft
 from tisoft.geometry.files import read_mesh
 from tisoft.geometry.mesh import SpringNet, TetMesh, tet_mesh
 from tisoft.geometry.shapes import ball, box, cloth, cylinder, grid, net
+from tisoft.geometry.skin import Skin, read_skin, skin
 from tisoft.models.materials import (
     Linear,
     MassSpring,
@@ -37,9 +38,9 @@ from tisoft.scene_file import load_scene
 __all__ = [
     "Body", "Box", "Camera", "Diverged", "Frame", "Linear", "Load", "MassSpring", "MassTensor",
     "MeshError", "NeoHookean", "NoEquilibrium", "Pin", "Plane", "Probe", "Render", "Scene",
-    "SceneError", "Simulation", "Sphere", "SpringNet", "TetMesh", "TisoftError", "Torque", "Turn",
-    "ViscoElastic", "ball", "box", "cloth", "cylinder", "grid", "load_scene", "net", "read_mesh",
-    "tet_mesh", "where",
+    "SceneError", "Simulation", "Skin", "Sphere", "SpringNet", "TetMesh", "TisoftError", "Torque",
+    "Turn", "ViscoElastic", "ball", "box", "cloth", "cylinder", "grid", "load_scene", "net",
+    "read_mesh", "read_skin", "skin", "tet_mesh", "where",
 ]  # fmt: skip
 
 

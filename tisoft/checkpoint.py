@@ -22,6 +22,7 @@ from tisoft import loads, pins, scene, scene_parts, where
 from tisoft.body import Body
 from tisoft.errors import SceneError
 from tisoft.geometry.mesh import SpringNet, TetMesh
+from tisoft.geometry.skin import Skin
 from tisoft.models import materials
 
 VERSION = 1
@@ -30,7 +31,8 @@ _CLASSES: dict[str, Any] = {
     cls.__name__ if module == "" else f"{module}.{cls.__name__}": cls
     for module, classes in {
         "": (
-            scene.Scene, Body, TetMesh, SpringNet, pins.Pin, pins.Turn, loads.Load, loads.Torque,
+            scene.Scene, Body, TetMesh, SpringNet, Skin,
+            pins.Pin, pins.Turn, loads.Load, loads.Torque,
             scene_parts.Plane, scene_parts.Sphere, scene_parts.Box, scene_parts.Probe,
             scene_parts.Camera, scene_parts.Render, *materials.MODELS.values(),
         ),

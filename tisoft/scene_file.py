@@ -43,7 +43,7 @@ _TABLES = ("body", "obstacle", "probe", "camera", "render")
 _SETTINGS = [
     key for key in field_names(Scene) if key not in ("bodies", "obstacles", "probes", *_TABLES)
 ]
-_BODY = ("name", "model", "mesh", "pin", "load", "velocity", "spin")
+_BODY = ("name", "model", "mesh", "skin", "pin", "load", "velocity", "spin")
 _INSTEAD_OF_YOUNG = ("material", "lame_lambda", "lame_mu")
 _MODEL_KEYS = {name: field_names(cls) for name, cls in MODELS.items()}
 _OBSTACLES: dict[str, type[Obstacle]] = {"plane": Plane, "sphere": Sphere, "box": Box}
@@ -171,6 +171,8 @@ def _add_body(scene: Scene, table: Any, field: str, folder: Path) -> None:
     start = {key: table[key] for key in ("velocity", "spin") if key in table}
     with inside(field):
         body = scene.add_body(mesh, model, table.get("name"), **start)
+    if "skin" in table:
+        body.skin = scene_mesh.build_skin(table, field, folder, mesh)
     for path, pin in tables(table, "pin", field):
         body.pins.append(_pin(pin, path))
     for path, load in tables(table, "load", field):
