@@ -83,7 +83,7 @@ def execute(options: argparse.Namespace) -> int:
 def _film(scene: Scene, found: Modes, options: argparse.Namespace) -> None:
     """One shape in a film that loops: x + a sin(2πt/T) shape."""
     from tisoft.observers.film import film_to
-    from tisoft.observers.scenery import Survey
+    from tisoft.observers.framing import Survey
     from tisoft.simulation import Simulation
 
     scene.frame_rate = 30.0

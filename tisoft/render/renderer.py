@@ -80,8 +80,9 @@ class Renderer:
             self._shown = arrays.Shown(self._batch)
         batch, shown = self._batch, self._shown
         batch.place(np.asarray(camera.target, dtype=np.float64), camera.distance)
-        pad, rows = (f(camera.distance) for f in (batch.largest_radius, batch.material_rows))
-        stage = stage_of(self.canvas, camera, batch.places(), pad, rows)
+        pad = batch.largest_radius(camera.distance)
+        materials = batch.material_rows(camera.distance)
+        stage = stage_of(self.canvas, camera, batch.places(), pad, materials)
         shown.update(stage)
         if self._painted != camera and not self.alpha:
             self._paint(shown.stage, camera)

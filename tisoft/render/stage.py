@@ -158,7 +158,7 @@ def _ground(stage: Floats, canvas: Canvas, camera: Camera, normal: Array, axes: 
     ):
         row = stage[source].astype(np.float64)
         stage[target, :3] = rays @ row[:3] + stage[at.FLOOR, :3] * (row[:3] @ eye + row[3])
-    tile = _round_length(camera.distance / TILES)
+    tile = tile_length(camera)
     scale = camera.distance / tile
     for target, axis in zip((at.TILES_X, at.TILES_Y), axes, strict=True):
         stage[target] = [*(scale * axis), float(axis @ np.asarray(camera.target)) / tile % 2.0]
@@ -189,6 +189,11 @@ def _square_map(
     corner = np.round((lo + hi) / 2.0 / (4.0 * texel)) * 4.0 - size / 2.0  # in texels
     rows = np.concatenate([axes / texel, -corner[:, None]], axis=1)
     return rows, float(texel)
+
+
+def tile_length(camera: Camera) -> float:
+    """Side of the ground's tiles [m]."""
+    return _round_length(camera.distance / TILES)
 
 
 def _round_length(x: float) -> float:

@@ -31,7 +31,7 @@ GIF_RATE = 50.0  # browsers slow down what is faster; GIF counts in steps of 10 
 # Arguments for ffmpeg by suffix, between the input and the output.
 CODECS = {
     ".mp4": (
-        *("-c:v", "libx264", "-preset", "faster", "-crf", "17", "-pix_fmt", "yuv420p"),
+        *("-c:v", "libx264", "-preset", "veryfast", "-crf", "17", "-pix_fmt", "yuv420p"),
         *("-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"),
         *("-vf", "scale=out_color_matrix=bt709:out_range=tv", "-movflags", "+faststart"),
         *("-f", "mp4"),
@@ -49,12 +49,16 @@ CODECS = {
 }
 
 
-def open_sink(path: str | Path, size: tuple[int, int], frame_rate: float) -> Sink:
+def open_sink(
+    path: str | Path, size: tuple[int, int], frame_rate: float, *, alpha: bool = False
+) -> Sink:
     """A context into which pictures of one size (pixels) are written at a rate (1/s).
+
+    With `alpha` they have a fourth channel.
 
     The suffix chooses: .mp4, .gif, .webp, .png (the last picture only); without a suffix, or with
     a slash at the end, a folder of frame_00000.png and so on. Raises SceneError for another
-    suffix, a folder that cannot be written, and, while writing, a full disk.
+    suffix, alpha in an MP4, a folder that cannot be written, and, while writing, a full disk.
     """
     folder = str(path).endswith(("/", os.sep)) or Path(path).is_dir()
     path = Path(path)
@@ -67,8 +71,10 @@ def open_sink(path: str | Path, size: tuple[int, int], frame_rate: float) -> Sin
         return FolderSink(path)
     if suffix == ".png":
         return PngSink(path)
+    if suffix == ".mp4" and alpha:
+        raise SceneError(f"{path} cannot be transparent: write a .webp, .png, .gif or a folder.")
     if suffix in CODECS:
-        return FilmSink(path, size, frame_rate)
+        return FilmSink(path, size, frame_rate, alpha)
     raise SceneError(
         f"{path} cannot be written: {suffix} is none of .mp4, .gif, .webp, .png or a folder's name"
         " without a suffix."
@@ -84,7 +90,7 @@ class Sink:
         self._part = _partial_name(path)
 
     def write(self, picture: Picture) -> None:
-        """Append a picture, shape (height, width, 3), sRGB bytes. Raises SceneError."""
+        """Append a picture, shape (height, width, 3 or 4), sRGB bytes. Raises SceneError."""
         try:
             self._append(picture)
         except OSError as error:
@@ -174,8 +180,9 @@ class FolderSink(Sink):
 class FilmSink(Sink):
     """A film, encoded by ffmpeg while it is drawn; sides are made even for MP4."""
 
-    def __init__(self, path: Path, size: tuple[int, int], frame_rate: float) -> None:
+    def __init__(self, path: Path, size: tuple[int, int], frame_rate: float, alpha: bool) -> None:
         super().__init__(path)
+        self._format = "rgba" if alpha else "rgb24"
         self._suffix = path.suffix.lower()
         self._pad = tuple(n % 2 if self._suffix == ".mp4" else 0 for n in size)
         self._size = size
@@ -192,7 +199,7 @@ class FilmSink(Sink):
         codec = [argument.replace("{rate}", rate) for argument in CODECS[self._suffix]]
         command = [
             *(imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error", "-nostdin"),
-            *("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}"),
+            *("-f", "rawvideo", "-pix_fmt", self._format, "-s", f"{width}x{height}"),
             *("-r", f"{self._rate:.9g}", "-i", "pipe:0", *codec, str(self._part)),
         ]
         self._log = tempfile.TemporaryFile()
