@@ -32,6 +32,8 @@ INFLATED = 0.01
 """How far the tets reach beyond the shape [m], so that they hold all of the skin."""
 FINE = 0.0178
 """Side of the cubes that the skin is cut from [m]."""
+SOLES = 0.035
+"""Height at which the feet are cut flat [m]: the bear stands there."""
 TARGET = Path(__file__).with_name("creature")
 
 
@@ -41,8 +43,8 @@ def bear(points: Floats) -> Floats:
     solid = _ellipsoid(p, (0, 0.285, 0), (0.165, 0.215, 0.145))
     solid = _blend(solid, _ellipsoid(p, (0, 0.235, 0.055), (0.125, 0.14, 0.125)), 0.04)  # belly
     solid = _blend(solid, _ellipsoid(p, (0, 0.57, 0.01), (0.165, 0.145, 0.14)), 0.05)  # head
-    leg = _chain(p, [(0.10, 0.14, 0.0), (0.115, 0.075, 0.02)], [0.095, 0.08])
-    foot = _ellipsoid(p, (0.125, 0.075, 0.075), (0.08, 0.09, 0.085))
+    leg = _chain(p, [(0.10, 0.15, -0.01), (0.12, 0.08, -0.01)], [0.1, 0.088])
+    foot = _ellipsoid(p, (0.125, 0.08, 0.06), (0.09, 0.09, 0.115))
     arm = _chain(
         p, [(0.14, 0.395, 0.0), (0.19, 0.325, 0.06), (0.15, 0.29, 0.145)], [0.07, 0.06, 0.055]
     )
@@ -52,7 +54,7 @@ def bear(points: Floats) -> Floats:
     ear = _blend_cut(ear, -_ellipsoid(p, (0.128, 0.694, 0.045), (0.044, 0.044, 0.028)), 0.02)
     solid = _blend(solid, ear, 0.022)
     solid = _blend(solid, _ellipsoid(p, (0, 0.535, 0.13), (0.08, 0.062, 0.065)), 0.025)  # snout
-    return _blend_cut(solid, -p[:, 1], 0.02)
+    return _blend_cut(solid, SOLES - p[:, 1], 0.02)
 
 
 def face(points: Floats) -> Floats:
@@ -290,7 +292,7 @@ def main() -> None:
     # The lattice's place decides how thin its thinnest tet is, and so the stable step.
     low, high = np.array([-0.352, -0.104, -0.344]), np.array([0.352, 0.85, 0.34])
     mesh = stuffed(lambda p: bear(p) - INFLATED, low, high, SPACING)
-    points = np.round(mesh.points, 5)
+    points = np.round(mesh.points - [0.0, SOLES, 0.0], 5)
     write_vtu(TARGET.with_suffix(".vtu"), points, tets=mesh.tets)
     worst = quality(mesh).min()
     print(
@@ -298,7 +300,7 @@ def main() -> None:
         f"volume {mesh.volumes.sum():.4f} m³"
     )
     places, triangles = surface(face, low, high, FINE)
-    lines = [f"v {x:.4f} {y:.4f} {z:.4f}" for x, y, z in places]
+    lines = [f"v {x:.4f} {y:.4f} {z:.4f}" for x, y, z in places - [0.0, SOLES, 0.0]]
     lines += [f"f {a} {b} {c}" for a, b, c in triangles + 1]
     TARGET.with_suffix(".obj").write_text("\n".join(lines) + "\n", encoding="utf-8")
     print(f"creature.obj: {len(places)} points, {len(triangles)} triangles")
