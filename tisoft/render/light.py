@@ -120,23 +120,6 @@ def lit(place, stage: ti.template(), tables: ti.template()):
     return 1.0 - hidden / TAPS
 
 
-@ti.func
-def matter_above(place, stage: ti.template(), tables: ti.template()):
-    """How much matter light from the lamp passes on its way to a place of its map."""
-    size = ti.cast(stage[LAMP_SIZE][0], ti.i32)
-    u, v = inside(place[0], size) - 0.5, inside(place[1], size) - 0.5
-    j, i = ti.cast(u, ti.i32), ti.cast(v, ti.i32)
-    fx, fy = u - j, v - i
-    total, weight = 0.0, 1e-6
-    for dy, dx in ti.static(ti.ndrange(2, 2)):
-        top = tables[LAMP_MAP, (i + dy) * size + j + dx]
-        if top > 0.5 * EMPTY:
-            share = (fx if dx else 1.0 - fx) * (fy if dy else 1.0 - fy)
-            total += share * ti.max(top - place[2], 0.0)
-            weight += share
-    return total / weight
-
-
 @ti.kernel
 def average_cells(stage: Rows, tables: Tables):
     """Of the cells of the lamp's map: the share that is covered, and that times the mean height."""
@@ -168,8 +151,11 @@ def blur_cells(source: ti.i32, target: ti.i32, tables: Tables):
 
 
 @ti.func
-def hollow(place, reach, stage: ti.template(), tables: ti.template()):
-    """How deep a place of the lamp's map lies below what surrounds it, from 0 to 1."""
+def depth_below(place, stage: ti.template(), tables: ti.template()):
+    """How far a place of the lamp's map lies below what surrounds it, blurred.
+
+    It is the depth of hollows, and on the dark side about the matter that light passes.
+    """
     per = CELLS / stage[LAMP_SIZE][0]
     u = ti.min(ti.max(place[0] * per - 0.5, 0.0), CELLS - 1.001)
     v = ti.min(ti.max(place[1] * per - 0.5, 0.0), CELLS - 1.001)
@@ -180,4 +166,4 @@ def hollow(place, reach, stage: ti.template(), tables: ti.template()):
         at = 2 * ((i + dy) * CELLS + j + dx)
         share = (fx if dx else 1.0 - fx) * (fy if dy else 1.0 - fy)
         c += share * vec2(tables[HOLLOWS, at], tables[HOLLOWS, at + 1])
-    return ti.min(ti.max((c[1] - c[0] * place[2]) / reach, 0.0), 1.0)
+    return ti.max(c[1] - c[0] * place[2], 0.0)

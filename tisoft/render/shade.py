@@ -56,14 +56,14 @@ from tisoft.render.layout import (
     SIZES,
     TILE,
 )
-from tisoft.render.light import hollow, lit, matter_above
+from tisoft.render.light import depth_below, lit
 
 KEY = 0.80  # of the lamp on a surface that faces it
 AMBIENT = 0.40  # of the sky on the ground
 LINE = 0.55  # half width of a wireframe's lines, in pixels of a picture 720 high
 INK = 0.82  # share of the light that they take
 HOLLOW, HOLLOW_REACH = 0.4, 24.0  # share of the sky that hollows lose; texels where they have
-THROUGH, THROUGH_REACH = 0.55, 14.0  # light through thin parts, and texels that take most of it
+THROUGH, THROUGH_REACH = 1.0, 40.0  # light through thin parts, and texels that take most of it
 ALIKE_NORMAL, ALIKE_DEPTH = 0.8, 0.01  # of two samples' surfaces that are shaded as one
 COOL = vec3(0.96, 0.99, 1.05)  # tint of what the lamp does not reach
 DARK = 0.999  # factor below which the ground is drawn anew
@@ -188,8 +188,8 @@ def reflected(s: ti.template(), to_eye, up, lamp, light, material):
     broad = half * half * half * half
     gloss = broad * broad * broad * broad * broad * broad * broad * broad
     edge = (1.0 - facing) ** 2
-    rim = edge * edge * 0.30 * height * (1.0 - 0.7 * dim) * vec3(0.85, 0.93, 1.0)
-    spark = (0.22 * gloss + 0.05 * broad) * share
+    rim = edge * edge * 0.18 * height * (1.0 - 0.7 * dim) * vec3(0.85, 0.93, 1.0)
+    spark = (0.30 * gloss + 0.05 * broad) * share
     through = THROUGH * light[3] * material[3] * base  # tinted twice by what it passed
     return base * (key + ambient + 0.10 * facing + through) + material[1] * (spark + rim)
 
@@ -214,11 +214,11 @@ def body_light(
         share = lit(place, stage, tables) * ti.min(1.0 + 5.0 * facing, 1.0)
     place = vec3(affine(sight.lamp_x, q), affine(sight.lamp_y, q), affine(sight.lamp_z, q))
     material = stage[ITEMS + total.item]
-    if material[3] > 0.0 and facing < 0.3:
-        thick = matter_above(place, stage, tables) / (THROUGH_REACH * sight.texel)
-        through = ti.exp(-thick) * ti.min(0.6 * (0.3 - facing), 0.6)
+    depth = depth_below(place, stage, tables) / sight.texel
+    if material[3] > 0.0:
+        through = ti.exp(-depth / THROUGH_REACH) * ti.min(ti.max(0.4 - facing, 0.0), 1.0)
     dim = dimness(q, sight.ground_x, sight.ground_y, stage[GROUND_SIZE][0], tables)
-    deep = hollow(place, HOLLOW_REACH * sight.texel, stage, tables)
+    deep = ti.min(depth / HOLLOW_REACH, 1.0)
     light = vec4(share, dim, deep, through)
     return total.weight * reflected(s, to_eye, sight.up, sight.lamp, light, material)
 
