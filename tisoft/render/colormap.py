@@ -15,8 +15,8 @@ from tisoft.errors import SceneError
 
 Colors = NDArray[np.float32]
 
-# Clay, sea, honey, jade, orchid, slate, sky, sand: told apart by those who do not see red from green
-# too, as the hues of Okabe and Ito (2008), but calmer.
+# Clay, sea, honey, jade, orchid, slate, sky, sand: told apart by those who do not see red from
+# green too, as the hues of Okabe and Ito (2008), but calmer.
 PALETTE = (
     (0.90, 0.36, 0.27),
     (0.20, 0.50, 0.80),
