@@ -72,7 +72,7 @@ def test_creature_is_carried_by_few_tets_and_runs_in_more_than_real_time():
     (body,) = scene.bodies
     assert 500 <= len(body.mesh.tets) <= 2000
     assert 7000 <= len(body.skin.triangles) <= 10000
-    assert body.skin.weights.min() > -0.6  # hardly any of it reaches beyond the tets
+    assert (body.skin.weights.min(axis=1) < -0.25).mean() < 0.05  # little reaches beyond the tets
     begun = time.process_time()
     ts.Simulation(scene, threads=1).run(0.5)
     assert time.process_time() - begun < 3.0  # compiling included

@@ -26,8 +26,8 @@ GALLERY = {
     "cloth": (0.5, 6),
     "nets": (0.25, 9),
 }
-"""Of each demo: the share of the film at which its picture is taken, and seconds that it takes on two
-cores of 2025, kernels cached."""
+"""Of each demo: the share of the film at which its picture is taken, and about how many seconds it
+takes on two cores, with kernels from the cache."""
 
 
 def add(parser: argparse.ArgumentParser) -> None:

@@ -141,6 +141,8 @@ def _surface(path: Path) -> tuple[Floats, NDArray[np.int64]]:
         polygons = [np.asarray(b.data) for b in read.cells if b.data.shape[1] >= 3]
         fans = [p[:, [0, k, k + 1]] for p in polygons for k in range(1, p.shape[1] - 1)]
     triangles = np.concatenate([np.zeros((0, 3), np.int64), *fans])
+    if not len(triangles):
+        raise MeshError("a skin needs at least one triangle, and this file has none")
     check_range(triangles, "triangle", len(points))
     _, first, index = np.unique(points, axis=0, return_index=True, return_inverse=True)
     triangles = index.reshape(-1)[triangles]

@@ -92,11 +92,13 @@ def auto_camera(
     x, y, z = np.stack(view.axes()) @ seen.reshape(-1, 3).T  # z grows away from the eye
     tan_y = np.tan(np.radians(fov) / 2) * MARGIN
     cx, cy, distance = _fit(x, y, z, tan_y * aspect, tan_y)
-    distance = max(distance, 0.5 * extent)
     right, up_there, forward = view.axes()
-    target = (lo + hi) / 2 + cx * right + cy * up_there
+    away = cx * right + cy * up_there
     if len(angles) > 1:  # a target off the axis would swing about it
-        target = (lo + hi) / 2 + cy / max(float(up_there @ upward), 0.1) * upward
+        away = cy / max(float(up_there @ upward), 0.1) * upward
+        x, y, z = (a - away @ axis for a, axis in zip((x, y, z), view.axes(), strict=True))
+        distance = float(np.max(np.maximum(np.abs(x) / (tan_y * aspect), np.abs(y) / tan_y) - z))
+    distance, target = max(distance, 0.5 * extent), (lo + hi) / 2 + away
     return Camera(target - distance * forward, target, tuple(np.asarray(up, float)), fov)
 
 
