@@ -8,11 +8,11 @@ import pytest
 import taichi as ti
 from scipy import ndimage
 
-from tisoft import runtime
+from tisoft import bench_render, runtime
 from tisoft.errors import SceneError
 from tisoft.render.camera import Camera, auto_camera
 from tisoft.render.items import Capsules, Spheres, Surface
-from tisoft.render.obstacles import _cube, box_surface, plane_surface, sphere_surface
+from tisoft.render.obstacles import box_surface, cube, plane_surface, sphere_surface
 from tisoft.render.renderer import GroundPlane, Renderer
 
 SIZE = (192, 128)
@@ -236,7 +236,7 @@ def test_no_gap_opens_between_triangles():
 
 
 def ball_points(cells):
-    grid, triangles = _cube(cells)
+    grid, triangles = cube(cells)
     grid = np.tan(grid * np.pi / 4)
     return grid / np.linalg.norm(grid, axis=1, keepdims=True), triangles
 
@@ -324,3 +324,10 @@ def test_positions_that_are_not_finite_draw_nothing_and_do_no_harm():
 def test_pictures_that_cannot_be_drawn_are_refused(options):
     with pytest.raises(SceneError, match="render"):
         Renderer(**options)
+
+
+def test_bench_tells_the_time_of_every_stage():
+    row = bench_render.measure((64, 48), 1_000)
+    assert row["milliseconds"] == pytest.approx(sum(row["stages"].values()), rel=0.5)
+    assert list(row["stages"]) == ["places", "projection", "lamp", "ground", "seeing", "shading"]
+    assert "64x48" in bench_render.as_text([row])

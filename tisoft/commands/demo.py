@@ -19,7 +19,7 @@ EXAMPLES = """examples:
 
 FIRST = "creature"
 GALLERY = {
-    "creature": (0.1, 7),
+    "creature": (0.135, 7),
     "softness": (0.12, 9),
     "four-ways": (0.2, 8),
     "twist": (0.45, 9),

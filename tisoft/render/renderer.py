@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -56,6 +56,8 @@ class Renderer:
         maps = (_map_size(height), DIM_SIZE)
         self.canvas = Canvas((width, height), places_of(int(samples)), maps, upward, ground)
         self.alpha = alpha
+        self.lap: Callable[[str], None] = lambda stage: None
+        """Called with the name of each stage of a picture when it is done."""
         self._generation = runtime.generation
         self._batch = Batch([])
         self._shown = arrays.Shown(self._batch)
@@ -84,17 +86,22 @@ class Renderer:
         materials = batch.material_rows(camera.distance)
         stage = stage_of(self.canvas, camera, batch.places(), pad, materials)
         shown.update(stage)
+        self.lap("places")
         if self._painted != camera and not self.alpha:
             self._paint(shown.stage, camera)
         geometry.look(
             shown.vertices, shown.stage, shown.primitives, shown.corner_starts, shown.corners
         )
+        self.lap("projection")
         self._map_lamp(shown, stage)
+        self.lap("lamp")
         if self.canvas.ground is not None:
             self._map_ground(shown)
+        self.lap("ground")
         busy, bare = (
             self._see_tiles(shown, stage) if self._on_cpu else self._see_samples(shown, stage)
         )
+        self.lap("seeing")
         picture = arrays.device(self._empty.copy(), vectors=True)
         kernel = draw_kernel(
             capsules=batch.capsule_count > 0,
@@ -109,6 +116,7 @@ class Renderer:
             )  # fmt: skip
         if len(bare):
             ground_kernel(alpha=self.alpha)(shown.stage, self._tables, bare, self._base, picture)
+        self.lap("shading")
         width, height = self.canvas.size
         return runtime.read(picture).reshape(height, width, -1)
 
