@@ -70,23 +70,28 @@ def cover(size: ti.i32, stage: Rows, tables: Tables):
         tables[MASK, i] = mask
 
 
+@ti.func
+def halve_texel(i, size, level, tables: ti.template()):
+    n = size >> level
+    here, finer = offset(size, level), offset(size, level - 1)
+    part, radius, mask = 0.0, 0.0, 0.0
+    for dy, dx in ti.static(ti.ndrange(2, 2)):
+        j = finer + 2 * (2 * (i // n) + dy) * n + 2 * (i % n) + dx
+        part += tables[PART, j]
+        radius += tables[PART, j] * tables[RADIUS, j]
+    if part > 0.0:
+        radius /= part
+        mask = 0.25 * part * share_of_level(radius, level)
+    tables[PART, here + i] = 0.25 * part
+    tables[RADIUS, here + i] = radius
+    tables[MASK, here + i] = mask
+
+
 @ti.kernel
 def halve(size: ti.i32, level: ti.i32, tables: Tables):
     """A level from the next finer one."""
-    n = size >> level
-    here, finer = offset(size, level), offset(size, level - 1)
-    for i in range(n * n):
-        part, radius, mask = 0.0, 0.0, 0.0
-        for dy, dx in ti.static(ti.ndrange(2, 2)):
-            j = finer + 2 * (2 * (i // n) + dy) * n + 2 * (i % n) + dx
-            part += tables[PART, j]
-            radius += tables[PART, j] * tables[RADIUS, j]
-        if part > 0.0:
-            radius /= part
-            mask = 0.25 * part * share_of_level(radius, level)
-        tables[PART, here + i] = 0.25 * part
-        tables[RADIUS, here + i] = radius
-        tables[MASK, here + i] = mask
+    for i in range((size >> level) * (size >> level)):
+        halve_texel(i, size, level, tables)
 
 
 @ti.func
@@ -95,36 +100,55 @@ def column(up, mid, down, x, tables: ti.template()):
     return 0.25 * (tables[MASK, up + x] + tables[MASK, down + x]) + 0.5 * tables[MASK, mid + x]
 
 
+@ti.func
+def soften_strip(strip, size, level, tables: ti.template()):
+    n = size >> level
+    here, above = offset(size, level), offset(size, level + 1)
+    y, first = strip * STRIP // n, strip * STRIP % n
+    up, mid, down = here + ti.max(y - 1, 0) * n, here + y * n, here + ti.min(y + 1, n - 1) * n
+    half = n // 2
+    near = above + y // 2 * half
+    far = above + ti.min(ti.max(y // 2 - 1 + 2 * (y % 2), 0), half - 1) * half
+    coarse = ti.cast(level < LEVELS - 1, ti.f32)
+    x = ti.max(first - 1, 0)
+    before, now = column(up, mid, down, x, tables), column(up, mid, down, first, tables)
+    left = coarse * (0.25 * tables[SHADOW, far + x // 2] + 0.75 * tables[SHADOW, near + x // 2])
+    x = first // 2
+    middle = coarse * (0.25 * tables[SHADOW, far + x] + 0.75 * tables[SHADOW, near + x])
+    for c in range(STRIP // 2):
+        x, beyond = first + 2 * c, ti.min(first + 2 * c + 2, n - 1)
+        between = column(up, mid, down, x + 1, tables)
+        after = column(up, mid, down, beyond, tables)
+        right = 0.25 * tables[SHADOW, far + beyond // 2]
+        right = coarse * (right + 0.75 * tables[SHADOW, near + beyond // 2])
+        tables[SHADOW, mid + x] = (
+            0.25 * (before + between) + 0.5 * now + 0.25 * left + 0.75 * middle
+        )
+        tables[SHADOW, mid + x + 1] = (
+            0.25 * (now + after) + 0.5 * between + 0.75 * middle + 0.25 * right
+        )
+        before, now, left, middle = between, after, middle, right
+
+
 @ti.kernel
 def soften(size: ti.i32, level: ti.i32, tables: Tables):
     """The level's mask, blurred by a small tent, and the next coarser level, interpolated."""
-    n = size >> level
-    here, above = offset(size, level), offset(size, level + 1)
-    for strip in range(n * n // STRIP):
-        y, first = strip * STRIP // n, strip * STRIP % n
-        up, mid, down = here + ti.max(y - 1, 0) * n, here + y * n, here + ti.min(y + 1, n - 1) * n
-        half = n // 2
-        near = above + y // 2 * half
-        far = above + ti.min(ti.max(y // 2 - 1 + 2 * (y % 2), 0), half - 1) * half
-        coarse = ti.cast(level < LEVELS - 1, ti.f32)
-        x = ti.max(first - 1, 0)
-        before, now = column(up, mid, down, x, tables), column(up, mid, down, first, tables)
-        left = coarse * (0.25 * tables[SHADOW, far + x // 2] + 0.75 * tables[SHADOW, near + x // 2])
-        x = first // 2
-        middle = coarse * (0.25 * tables[SHADOW, far + x] + 0.75 * tables[SHADOW, near + x])
-        for c in range(STRIP // 2):
-            x, beyond = first + 2 * c, ti.min(first + 2 * c + 2, n - 1)
-            between = column(up, mid, down, x + 1, tables)
-            after = column(up, mid, down, beyond, tables)
-            right = 0.25 * tables[SHADOW, far + beyond // 2]
-            right = coarse * (right + 0.75 * tables[SHADOW, near + beyond // 2])
-            tables[SHADOW, mid + x] = (
-                0.25 * (before + between) + 0.5 * now + 0.25 * left + 0.75 * middle
-            )
-            tables[SHADOW, mid + x + 1] = (
-                0.25 * (now + after) + 0.5 * between + 0.75 * middle + 0.25 * right
-            )
-            before, now, left, middle = between, after, middle, right
+    for strip in range((size >> level) * (size >> level) // STRIP):
+        soften_strip(strip, size, level, tables)
+
+
+@ti.kernel
+def coarse_levels(size: ti.i32, finest: ti.i32, tables: Tables):
+    """All of this for the levels from the finest on, by one thread: they are too small to share."""
+    ti.loop_config(serialize=True)
+    for level in range(finest, LEVELS):
+        for i in range((size >> level) * (size >> level)):
+            halve_texel(i, size, level, tables)
+    ti.loop_config(serialize=True)
+    for k in range(LEVELS - finest):
+        level = LEVELS - 1 - k
+        for strip in range((size >> level) * (size >> level) // STRIP):
+            soften_strip(strip, size, level, tables)
 
 
 @ti.kernel

@@ -137,17 +137,24 @@ def average_cells(stage: Rows, tables: Tables):
         tables[HOLLOWS, 2 * i + 1] = total / (side * side)
 
 
+@ti.func
+def blur_cell(i, source, target, tables: ti.template()):
+    y = ti.min(ti.max(i // 2 // CELLS, 1), CELLS - 2)
+    x = ti.min(ti.max(i // 2 % CELLS, 1), CELLS - 2)
+    total = 0.0
+    for dy, dx in ti.static(ti.ndrange((-1, 2), (-1, 2))):
+        weight = 0.0625 * (2 - dy * dy) * (2 - dx * dx)
+        total += weight * tables[HOLLOWS, source + 2 * ((y + dy) * CELLS + x + dx) + i % 2]
+    tables[HOLLOWS, target + i] = total
+
+
 @ti.kernel
-def blur_cells(source: ti.i32, target: ti.i32, tables: Tables):
-    """One pass of a tent of 3 x 3 cells, from one place of the row to another."""
+def blur_cells(tables: Tables):
+    """Two passes of a tent of 3 x 3 cells, to the second half of their room and back."""
     for i in range(2 * CELLS * CELLS):
-        y = ti.min(ti.max(i // 2 // CELLS, 1), CELLS - 2)
-        x = ti.min(ti.max(i // 2 % CELLS, 1), CELLS - 2)
-        total = 0.0
-        for dy, dx in ti.static(ti.ndrange((-1, 2), (-1, 2))):
-            weight = 0.0625 * (2 - dy * dy) * (2 - dx * dx)
-            total += weight * tables[HOLLOWS, source + 2 * ((y + dy) * CELLS + x + dx) + i % 2]
-        tables[HOLLOWS, target + i] = total
+        blur_cell(i, 0, 2 * CELLS * CELLS, tables)
+    for i in range(2 * CELLS * CELLS):
+        blur_cell(i, 2 * CELLS * CELLS, 0, tables)
 
 
 @ti.func

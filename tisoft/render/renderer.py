@@ -19,6 +19,7 @@ from tisoft.render.shade import draw_kernel, ground_kernel
 from tisoft.render.stage import Canvas, GroundPlane, places_of, stage_of
 
 DIM_SIZE = 96  # texels along the map of the ground's dimness
+SHARED_LEVELS = 2  # of the shadow's pyramid, which are worth a launch each on a CPU
 LEAST_WORK = 512  # iterations that Taichi gives to one thread at the least
 
 Picture = NDArray[np.uint8]
@@ -138,17 +139,18 @@ class Renderer:
     def _map_lamp(self, shown: arrays.Shown, stage: Any) -> None:
         self._map(shown, at.LAMP_X, at.LAMP_MAP)
         light.average_cells(shown.stage, self._tables)
-        half = 2 * at.CELLS**2
-        light.blur_cells(0, half, self._tables)
-        light.blur_cells(half, 0, self._tables)
+        light.blur_cells(self._tables)
 
     def _map_ground(self, shown: arrays.Shown) -> None:
         """The soft shadow on the ground, and how dark it is below things."""
         size = self.canvas.map_sizes[0]
         ground.cover(size, shown.stage, self._tables)
-        for level in range(1, ground.LEVELS):
+        shared = SHARED_LEVELS if self._on_cpu else ground.LEVELS
+        for level in range(1, shared):
             ground.halve(size, level, self._tables)
-        for level in reversed(range(ground.LEVELS)):
+        if shared < ground.LEVELS:
+            ground.coarse_levels(size, shared, self._tables)
+        for level in reversed(range(shared)):
             ground.soften(size, level, self._tables)
         self._map(shown, at.GROUND_X, at.GROUND_MAP)
         ground.dim_ground(self.canvas.map_sizes[1], shown.stage, self._tables)
@@ -217,7 +219,7 @@ class Renderer:
 
 def _map_size(height: int) -> int:
     """Texels along the lamp's map: one for about two pixels."""
-    return int(np.clip(2 ** round(np.log2(0.7 * height)), 128, 1024))
+    return int(np.clip(2 ** round(np.log2(0.7 * height)), 256, 1024))
 
 
 def _scattered(tiles: int) -> NDArray[np.int32]:
