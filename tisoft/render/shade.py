@@ -19,7 +19,6 @@ from tisoft.render.geometry import (
     Tables,
     Vertices,
     affine,
-    head,
     on,
     safe_unit,
     vec3,
@@ -27,145 +26,39 @@ from tisoft.render.geometry import (
 )
 from tisoft.render.ground import bilinear, dimness
 from tisoft.render.layout import (
-    ACROSS,
-    COLOR,
-    CORNER,
     DIM,
-    DOWN,
-    EYE,
-    FLOOR,
-    GROUND,
     GROUND_SIZE,
-    GROUND_X,
-    GROUND_Y,
     ITEMS,
-    LAMP,
     LAMP_SIZE,
-    LAMP_X,
-    LAMP_Y,
-    LAMP_Z,
-    NORMAL,
     ON_GROUND_X,
     ON_GROUND_Y,
     ON_LAMP_X,
     ON_LAMP_Y,
-    PLACE,
     PLACES,
-    SCREEN,
     SHADOW,
     SIZES,
     TILE,
 )
 from tisoft.render.light import depth_below, lit
+from tisoft.render.surfaces import (
+    add,
+    alike,
+    nothing,
+    on_capsule,
+    on_triangle,
+    ray,
+    sight_of,
+)
 
 KEY = 0.80  # of the lamp on a surface that faces it
 AMBIENT = 0.40  # of the sky on the ground
-LINE = 0.55  # half width of a wireframe's lines, in pixels of a picture 720 high
-INK = 0.82  # share of the light that they take
 HOLLOW, HOLLOW_REACH = 0.4, 24.0  # share of the sky that hollows lose; texels where they have
 THROUGH, THROUGH_REACH = 1.0, 40.0  # light through thin parts, and texels that take most of it
-ALIKE_NORMAL, ALIKE_DEPTH = 0.8, 0.01  # of two samples' surfaces that are shaded as one
 COOL = vec3(0.96, 0.99, 1.05)  # tint of what the lamp does not reach
 DARK = 0.999  # factor below which the ground is drawn anew
 SINK = 0.9998  # a body at rest on the ground may sink in a little
 
 AlphaPixels = ti.types.ndarray(dtype=ti.types.vector(4, ti.u8), ndim=1)
-Surface = ti.types.struct(normal=vec3, base=vec3, depth=ti.f32, item=ti.i32, weight=ti.f32)
-"""Sums over the samples of a pixel that see one surface."""
-Sight = ti.types.struct(
-    eye=vec3, corner=vec3, across=vec3, down=vec3, floor=vec4, up=vec3,
-    lamp=vec3, lamp_x=vec4, lamp_y=vec4, lamp_z=vec4, ground_x=vec4, ground_y=vec4,
-    texel=ti.f32, samples=ti.i32,
-)  # fmt: skip
-"""Rows of the stage that every pixel needs, read once for many."""
-
-
-@ti.func
-def sight_of(stage: ti.template()):
-    return Sight(
-        eye=head(stage[EYE]), corner=head(stage[CORNER]), across=head(stage[ACROSS]),
-        down=head(stage[DOWN]), floor=stage[FLOOR], up=head(stage[GROUND]),
-        lamp=head(stage[LAMP]), lamp_x=stage[LAMP_X], lamp_y=stage[LAMP_Y], lamp_z=stage[LAMP_Z],
-        ground_x=stage[GROUND_X], ground_y=stage[GROUND_Y], texel=stage[LAMP_SIZE][1],
-        samples=ti.cast(stage[SIZES][2], ti.i32),
-    )  # fmt: skip
-
-
-@ti.func
-def nothing():
-    return Surface(normal=vec3(0.0), base=vec3(0.0), depth=0.0, item=-1, weight=0.0)
-
-
-@ti.func
-def ray(sight: ti.template(), x, y):
-    return sight.corner + x * sight.across + y * sight.down
-
-
-@ti.func
-def on_triangle(
-    abc, x, y, wires: ti.template(), sight: ti.template(), stage: ti.template(),
-    vertices: ti.template(),
-):  # fmt: skip
-    """Normal and colour where the ray through (x, y) meets a triangle (Möller and Trumbore)."""
-    d = ray(sight, x, y)
-    a = vertices[PLACE, abc[0]]
-    e1, e2, s = vertices[PLACE, abc[1]] - a, vertices[PLACE, abc[2]] - a, sight.eye - a
-    h, g = d.cross(e2), s.cross(e1)
-    det = e1.dot(h)
-    inverse = 1.0 / (det if ti.abs(det) > 1e-30 else 1e-30)
-    u = ti.min(ti.max(s.dot(h) * inverse, 0.0), 1.0)
-    v = ti.min(ti.max(d.dot(g) * inverse, 0.0), 1.0 - u)
-    w = 1.0 - u - v
-    n = w * vertices[NORMAL, abc[0]] + u * vertices[NORMAL, abc[1]] + v * vertices[NORMAL, abc[2]]
-    c = w * vertices[COLOR, abc[0]] + u * vertices[COLOR, abc[1]] + v * vertices[COLOR, abc[2]]
-    if det < 0.0:  # seen from behind
-        n = -n
-    if ti.static(wires):
-        if stage[ITEMS + abc[3]][0] > 0.5:
-            c *= 1.0 - INK * edge_ink(abc, x, y, stage, vertices)
-    return n, c
-
-
-@ti.func
-def edge_ink(abc, x, y, stage: ti.template(), vertices: ti.template()):
-    """Share of a pixel that a line of even width along the nearest side of a triangle takes."""
-    gap = 1e9
-    for k in ti.static(range(3)):
-        p, q = vertices[SCREEN, abc[k]], vertices[SCREEN, abc[(k + 1) % 3]]
-        ex, ey = q[0] - p[0], q[1] - p[1]
-        far = ti.abs(ex * (y - p[1]) - ey * (x - p[0]))
-        gap = ti.min(gap, far / ti.sqrt(ex * ex + ey * ey + 1e-20))
-    half = LINE * ti.max(stage[SIZES][1] / 720.0, 1.0)
-    return ti.min(ti.max(half + 0.5 - gap, 0.0), 1.0)
-
-
-@ti.func
-def on_capsule(ends, depth, x, y, sight: ti.template(), vertices: ti.template()):
-    """Normal and colour where the ray through (x, y) meets a capsule."""
-    a, b = vertices[PLACE, ends[0]], vertices[PLACE, ends[1]]
-    q = sight.eye + depth * ray(sight, x, y)
-    u = (q - a).dot(b - a) / ti.max((b - a).norm_sqr(), 1e-20)
-    u = ti.min(ti.max(u, 0.0), 1.0)
-    color = (1.0 - u) * vertices[COLOR, ends[0]] + u * vertices[COLOR, ends[1]]
-    return safe_unit(q - a - u * (b - a)), color
-
-
-@ti.func
-def add(many, new: ti.template(), total: ti.template()):
-    total.normal += many * new.normal
-    total.base += many * new.base
-    total.depth += many * new.depth
-    total.weight += many
-    total.item = new.item
-
-
-@ti.func
-def alike(new: ti.template(), total: ti.template()):
-    """Whether a sample sees the surface that others saw; yes where none did."""
-    w = total.weight
-    near = ti.abs(new.depth * w - total.depth) < ALIKE_DEPTH * w
-    facing = new.normal.dot(total.normal) > ALIKE_NORMAL * w
-    return w == 0.0 or (new.item == total.item and near and facing)
 
 
 @ti.func
@@ -282,12 +175,47 @@ def draw_kernel(*, capsules: bool, wires: bool, alpha: bool, together: bool) -> 
             s.normal, s.base = on_capsule(abc, s.depth, x, y, sight, vertices)
         return s
 
+    @ti.func
+    def gather(
+        start, x, y, sight: ti.template(), stage: ti.template(), vertices: ti.template(),
+        primitives: ti.template(), keys: ti.template(),
+    ):  # fmt: skip
+        """The first surface that a pixel's samples see, and the others together; its keys begin at
+        `start` and are left empty."""
+        first, second = nothing(), nothing()
+        seen, many, now = -1, 0.0, nothing()
+        for k in range(sight.samples + 1):
+            what, inverse, sx, sy = -1, 0.0, 0.0, 0.0
+            if k < sight.samples:
+                at = start + k * TILE * TILE
+                key = keys[at]
+                if key != 0:
+                    keys[at] = 0
+                    sx, sy = x + stage[PLACES + k][0], y + stage[PLACES + k][1]
+                    inverse = ti.bit_cast(ti.cast(key >> 32, ti.i32), ti.f32)
+                    if on(sight.floor, sx, sy) * SINK <= inverse:
+                        what = ti.cast(key, ti.i32)
+            if what != seen or k == sight.samples:
+                if seen >= 0:
+                    if alike(now, first):
+                        add(many, now, first)
+                    else:
+                        add(many, now, second)
+                seen, many = what, 0.0
+                if what >= 0:
+                    now = look_at(
+                        what, sx, sy, inverse, sight, stage, vertices,
+                        primitives,
+                    )  # fmt: skip
+            many += 1.0
+        return first, second
+
     @ti.kernel
     def draw(
         stage: Rows, vertices: Vertices, primitives: Primitives, keys: Keys, tables: Tables,
         jobs: Integers, base: Colors, picture: picture_type,
     ):  # fmt: skip
-        """Each job is a tile, or -1 for none.  The keys are left empty."""
+        """Each job is a tile, or -1 for none."""
         for job in range(jobs.shape[0] * per_tile):
             tile = jobs[job // per_tile]
             if tile >= 0:
@@ -298,32 +226,10 @@ def draw_kernel(*, capsules: bool, wires: bool, alpha: bool, together: bool) -> 
                 for p in range(job % per_tile * per_job, job % per_tile * per_job + per_job):
                     x, y = left + p % TILE, top + p // TILE
                     if x < width and y < height:
-                        first, second = nothing(), nothing()
-                        seen, many, now = -1, 0.0, nothing()
-                        for k in range(sight.samples + 1):
-                            what, inverse, sx, sy = -1, 0.0, 0.0, 0.0
-                            if k < sight.samples:
-                                at = (tile * sight.samples + k) * TILE * TILE + p
-                                key = keys[at]
-                                if key != 0:
-                                    keys[at] = 0
-                                    sx, sy = x + stage[PLACES + k][0], y + stage[PLACES + k][1]
-                                    inverse = ti.bit_cast(ti.cast(key >> 32, ti.i32), ti.f32)
-                                    if on(sight.floor, sx, sy) * SINK <= inverse:
-                                        what = ti.cast(key, ti.i32)
-                            if what != seen or k == sight.samples:
-                                if seen >= 0:
-                                    if alike(now, first):
-                                        add(many, now, first)
-                                    else:
-                                        add(many, now, second)
-                                seen, many = what, 0.0
-                                if what >= 0:
-                                    now = look_at(
-                                        what, sx, sy, inverse, sight, stage, vertices,
-                                        primitives,
-                                    )  # fmt: skip
-                            many += 1.0
+                        start = tile * sight.samples * TILE * TILE + p
+                        first, second = gather(
+                            start, x, y, sight, stage, vertices, primitives, keys
+                        )  # fmt: skip
                         at, cx, cy = y * width + x, x + 0.5, y + 0.5
                         bodies = first.weight + second.weight
                         rest = sight.samples - bodies
