@@ -1,11 +1,12 @@
-"""Makes creature.vtu, a jelly elephant calf: an implicit surface, filled with tets.
+"""Makes creature.vtu and creature.obj, a jelly bear: coarse tets, and the fine skin they carry.
 
-    python assets/make_creature.py
+    pip install scikit-image && python assets/make_creature.py
 
-The shape is a smooth union of ellipsoids and tapered capsules.  A body-centred cubic lattice is
-warped onto it and cut along it (isosurface stuffing, after Labelle & Shewchuk 2007), then nodes are
-moved to where the worst of their tets improves.  The same tisoft and NumPy give the same mesh.
-x points forward, y up; the feet stand on y = 0; metres.
+The shape is a smooth union of ellipsoids and tapered capsules.  Its skin comes from marching cubes
+(Lorensen and Cline 1987), evened out.  For the tets, a body-centred cubic lattice is warped onto
+the shape, a little inflated, and cut along it (isosurface stuffing, after Labelle and Shewchuk
+2007), then nodes are moved to where the worst of their tets improves.  The same tisoft, NumPy and
+scikit-image give the same files.  y is up, z is where it looks; the feet stand on y = 0; metres.
 """
 
 from __future__ import annotations
@@ -22,46 +23,47 @@ from tisoft.geometry.mesh import TetMesh, tet_mesh
 from tisoft.geometry.quality import quality
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 Distance = Callable[[Floats], Floats]
 
-SPACING = 0.047
+SPACING = 0.088
 """Side of the lattice's cubes [m]."""
-TARGET = Path(__file__).with_name("creature.vtu")
+INFLATED = 0.01
+"""How far the tets reach beyond the shape [m], so that they hold all of the skin."""
+FINE = 0.0178
+"""Side of the cubes that the skin is cut from [m]."""
+SOLES = 0.035
+"""Height at which the feet are cut flat [m]: the bear stands there."""
+TARGET = Path(__file__).with_name("creature")
 
 
-def calf(points: Floats) -> Floats:
-    """Signed distance to the calf, roughly [m]: negative inside."""
-    p = np.concatenate([points[:, :2], np.abs(points[:, 2:])], axis=1)  # mirrored in z
-    trunk = _chain(
-        p,
-        [
-            (0.27, 0.335, 0),
-            (0.365, 0.285, 0),
-            (0.415, 0.195, 0),
-            (0.465, 0.135, 0),
-            (0.53, 0.15, 0),
-        ],
-        [0.075, 0.056, 0.046, 0.042, 0.041],
+def bear(points: Floats) -> Floats:
+    """Signed distance to the bear, roughly [m]: negative inside."""
+    p = np.concatenate([np.abs(points[:, :1]), points[:, 1:]], axis=1)  # mirrored in x
+    solid = _ellipsoid(p, (0, 0.285, 0), (0.165, 0.215, 0.145))
+    solid = _blend(solid, _ellipsoid(p, (0, 0.235, 0.055), (0.125, 0.14, 0.125)), 0.04)  # belly
+    solid = _blend(solid, _ellipsoid(p, (0, 0.57, 0.01), (0.165, 0.145, 0.14)), 0.05)  # head
+    leg = _chain(p, [(0.10, 0.15, -0.01), (0.12, 0.08, -0.01)], [0.1, 0.088])
+    foot = _ellipsoid(p, (0.125, 0.08, 0.06), (0.09, 0.09, 0.115))
+    arm = _chain(
+        p, [(0.14, 0.395, 0.0), (0.19, 0.325, 0.06), (0.15, 0.29, 0.145)], [0.07, 0.06, 0.055]
     )
-    tail = _chain(p, [(-0.17, 0.29, 0), (-0.235, 0.25, 0), (-0.255, 0.20, 0)], [0.04, 0.03, 0.038])
-    solid = _ellipsoid(p, (0.0, 0.235, 0), (0.205, 0.15, 0.15))
-    solid = _blend(solid, _ellipsoid(p, (0.225, 0.365, 0), (0.125, 0.13, 0.125)), 0.05)
-    for x in (-0.105, 0.115):
-        leg = _chain(p, [(x, 0.2, 0.085), (x, 0.045, 0.092)], [0.07, 0.062])
-        solid = _blend(solid, leg, 0.035)
-    solid = _blend(_blend(solid, trunk, 0.03), tail, 0.02)
-    solid = _blend(solid, _ear(p), 0.04)
-    return _blend_cut(solid, -p[:, 1], 0.012)
+    for limb, fillet in ((leg, 0.03), (foot, 0.03), (arm, 0.045)):
+        solid = _blend(solid, limb, fillet)
+    ear = _ellipsoid(p, (0.125, 0.69, -0.01), (0.072, 0.072, 0.048))
+    ear = _blend_cut(ear, -_ellipsoid(p, (0.128, 0.694, 0.045), (0.044, 0.044, 0.028)), 0.02)
+    solid = _blend(solid, ear, 0.022)
+    solid = _blend(solid, _ellipsoid(p, (0, 0.535, 0.13), (0.08, 0.062, 0.065)), 0.025)  # snout
+    return _blend_cut(solid, SOLES - p[:, 1], 0.02)
 
 
-def _ear(p: Floats) -> Floats:
-    """A thick disc with a round rim beside the head, turned outward and back."""
-    turn = np.deg2rad(38.0)
-    q = p - np.array([0.165, 0.38, 0.18])
-    forward = q[:, 0] * np.cos(turn) + q[:, 2] * np.sin(turn)
-    across = -q[:, 0] * np.sin(turn) + q[:, 2] * np.cos(turn)
-    beyond = np.maximum(np.hypot(across, 0.9 * q[:, 1]) - 0.078, 0.0)
-    return np.hypot(beyond, forward) - 0.034
+def face(points: Floats) -> Floats:
+    """The bear with its nose, eyes and tail, which are too small for tets."""
+    p = np.concatenate([np.abs(points[:, :1]), points[:, 1:]], axis=1)
+    solid = bear(points)
+    solid = _blend(solid, _ellipsoid(p, (0, 0.565, 0.19), (0.032, 0.023, 0.022)), 0.006)
+    solid = _blend(solid, _ellipsoid(p, (0.062, 0.61, 0.128), (0.023, 0.026, 0.022)), 0.006)
+    return _blend(solid, _ellipsoid(p, (0, 0.16, -0.14), (0.05, 0.05, 0.045)), 0.02)
 
 
 def _ellipsoid(p: Floats, centre: tuple[float, ...], radii: tuple[float, ...]) -> Floats:
@@ -253,16 +255,55 @@ def _onto(point: Floats, distance: Distance) -> Floats:
     return point
 
 
+def surface(distance: Distance, low: Floats, high: Floats, spacing: float) -> tuple[Floats, Ints]:
+    """Points and triangles of distance = 0: marching cubes, then evened out along the surface."""
+    from skimage.measure import marching_cubes
+
+    axes = [np.arange(a, b + spacing, spacing) for a, b in zip(low, high, strict=True)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    values = distance(grid.reshape(-1, 3)).reshape(grid.shape[:3])
+    points, triangles, _, _ = marching_cubes(values, 0.0, spacing=(spacing,) * 3)
+    points, triangles = points + low, triangles[:, ::-1].astype(np.int64)
+    edges = topology.unique_edges(triangles[:, [[0, 1], [1, 2], [2, 0]]])
+    ends = np.concatenate([edges, edges[:, ::-1]])
+    count = np.bincount(ends[:, 0], minlength=len(points))[:, None]
+    for _ in range(8):
+        mean = np.zeros_like(points)
+        np.add.at(mean, ends[:, 0], points[ends[:, 1]])
+        points = _all_onto(0.5 * points + 0.5 * mean / count, distance)
+    return points, triangles
+
+
+def _all_onto(points: Floats, distance: Distance) -> Floats:
+    """Points moved along the gradient onto distance = 0."""
+    for _ in range(3):
+        values, step = distance(points), 1e-5
+        sides = [
+            (distance(points + e) - distance(points - e)) / (2.0 * step) for e in step * np.eye(3)
+        ]
+        gradient = np.stack(sides, axis=1)
+        square = np.maximum(np.einsum("ij,ij->i", gradient, gradient), 1e-3)
+        points = points - (values / square)[:, None] * gradient
+    return points
+
+
 def main() -> None:
     """Writes the asset and says what it holds."""
-    mesh = stuffed(calf, np.array([-0.33, -0.05, -0.33]), np.array([0.61, 0.56, 0.33]), SPACING)
-    points = np.round(mesh.points, 5)
-    write_vtu(TARGET, points, tets=mesh.tets)
+    # The lattice's place decides how thin its thinnest tet is, and so the stable step.
+    low, high = np.array([-0.352, -0.104, -0.344]), np.array([0.352, 0.85, 0.34])
+    mesh = stuffed(lambda p: bear(p) - INFLATED, low, high, SPACING)
+    points = np.round(mesh.points - [0.0, SOLES, 0.0], 5)
+    write_vtu(TARGET.with_suffix(".vtu"), points, tets=mesh.tets)
     worst = quality(mesh).min()
     print(
-        f"{TARGET}: {len(points)} nodes, {len(mesh.tets)} tets, worst quality {worst:.2f}, "
+        f"creature.vtu: {len(points)} nodes, {len(mesh.tets)} tets, worst quality {worst:.2f}, "
         f"volume {mesh.volumes.sum():.4f} m³"
     )
+    places, triangles = surface(face, low, high, FINE)
+    lines = [f"v {x:.4f} {y:.4f} {z:.4f}" for x, y, z in places - [0.0, SOLES, 0.0]]
+    lines += [f"f {a} {b} {c}" for a, b, c in triangles + 1]
+    TARGET.with_suffix(".obj").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    print(f"creature.obj: {len(places)} points, {len(triangles)} triangles")
 
 
 if __name__ == "__main__":

@@ -119,7 +119,7 @@ def test_without_arguments_it_helps(capsys):
         (["render", "{scene}", "-o", "film.mp4", "--size", "4x4"], "render.size[0] = 4 must be"),
         (["render", "{net}", "-o", "net.png", "--color", "stress"], "colour by strain"),
         (["check", "{scene}", "--picture", "x.bmp"], ".bmp is none of"),
-        (["demo", "elephant"], "choose one of cantilever"),
+        (["demo", "elephant"], "choose one of creature"),
         (["bench", "--seconds", "-1"], "give a time above 0"),
     ],
 )

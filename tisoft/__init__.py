@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from tisoft.geometry.files import read_mesh
     from tisoft.geometry.mesh import SpringNet, TetMesh, tet_mesh
     from tisoft.geometry.shapes import ball, box, cloth, cylinder, grid, net
+    from tisoft.geometry.skin import Skin, read_skin, skin
     from tisoft.models.materials import (
         Linear,
         MassSpring,
@@ -41,9 +42,9 @@ if TYPE_CHECKING:
 __all__ = [
     "Body", "Box", "Camera", "Diverged", "Frame", "Linear", "Load", "MassSpring", "MassTensor",
     "MeshError", "NeoHookean", "NoEquilibrium", "Pin", "Plane", "Probe", "Render", "Scene",
-    "SceneError", "Simulation", "Sphere", "SpringNet", "TetMesh", "TisoftError", "Torque", "Turn",
-    "ViscoElastic", "ball", "box", "cloth", "cylinder", "grid", "load_scene", "net", "read_mesh",
-    "tet_mesh", "where",
+    "SceneError", "Simulation", "Skin", "Sphere", "SpringNet", "TetMesh", "TisoftError", "Torque",
+    "Turn", "ViscoElastic", "ball", "box", "cloth", "cylinder", "grid", "load_scene", "net",
+    "read_mesh", "read_skin", "skin", "tet_mesh", "where",
 ]  # fmt: skip
 
 _HOMES = {
@@ -51,6 +52,7 @@ _HOMES = {
     "tisoft.geometry.files": ("read_mesh",),
     "tisoft.geometry.mesh": ("SpringNet", "TetMesh", "tet_mesh"),
     "tisoft.geometry.shapes": ("ball", "box", "cloth", "cylinder", "grid", "net"),
+    "tisoft.geometry.skin": ("Skin", "read_skin", "skin"),
     "tisoft.models.materials": ("Linear", "MassSpring", "MassTensor", "NeoHookean", "ViscoElastic"),
     "tisoft.scene": (
         "Body", "Box", "Camera", "Load", "Pin", "Plane", "Probe", "Render", "Scene", "Sphere",

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tisoft import checks
 from tisoft.checks import FieldError, Vector, inside
 from tisoft.geometry.mesh import Mesh, SpringNet, TetMesh, present_numbers
+from tisoft.geometry.skin import Skin
 from tisoft.loads import Load, Torque
 from tisoft.models.materials import MassSpring, Model, SolidModel
 from tisoft.pins import Pin, Turn
@@ -38,6 +39,8 @@ class Body:
         model: its material's parameters.
         velocity: at t = 0 [m/s].
         spin: at t = 0 about the centre of mass [rad/s].
+        skin: a finer surface that the mesh carries, of `tisoft.skin`: drawn and written instead of
+            the mesh's own.
     """
 
     name: str
@@ -49,6 +52,7 @@ class Body:
     loads: list[Load] = field(default_factory=list)
     regions: list[RegionMaterial] = field(default_factory=list)
     """Materials of their own in regions of the mesh; refused until they are simulated."""
+    skin: Skin | None = None
 
     def __post_init__(self) -> None:
         self.validate()
@@ -148,6 +152,10 @@ class Body:
             )
             raise FieldError("model", problem)
         self._check_regions()
+        if self.skin is not None and not isinstance(self.skin, Skin):
+            raise FieldError("skin", "must be a skin, as of tisoft.skin or tisoft.read_skin")
+        if self.skin is not None and self.skin.corners.max() >= len(self.mesh.points):
+            raise FieldError("skin", f"is carried by another mesh than that of {self.name!r}")
         self._check_pins(self.pins)
         for i, load in enumerate(self.loads):
             with inside(f"load[{i}]"):

@@ -158,8 +158,17 @@ class Scene:
         for i, probe in enumerate(self.probes):
             with inside(f"probe[{i}]"):
                 self.probed_node(probe)
+        if self.camera.follow is not None:
+            with inside("camera"):
+                self._check_follow(self.camera.follow)
         _check_unique("body", [body.name for body in self.bodies])
         _check_unique("probe", [probe.name for probe in self.probes])
+
+    def _check_follow(self, name: str) -> None:
+        known = [body.name for body in self.bodies]
+        if name not in known:
+            problem = f"names no body of the scene; {checks.suggestion(name, known)}"
+            raise FieldError("follow", problem, name)
 
     def _check_settings(self) -> None:
         self.gravity = checks.vector("gravity", self.gravity, unit="m/s²")

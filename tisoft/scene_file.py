@@ -45,7 +45,7 @@ _TABLES = ("body", "obstacle", "probe", "camera", "render")
 _SETTINGS = [
     key for key in field_names(Scene) if key not in ("bodies", "obstacles", "probes", *_TABLES)
 ]
-_BODY = ("name", "model", "mesh", "region", "pin", "load", "velocity", "spin")
+_BODY = ("name", "model", "mesh", "skin", "region", "pin", "load", "velocity", "spin")
 _INSTEAD_OF_YOUNG = ("material", "lame_lambda", "lame_mu")
 _MODEL_KEYS = {name: field_names(cls) for name, cls in MODELS.items()}
 
@@ -174,6 +174,8 @@ def _add_body(scene: Scene, table: Any, field: str, folder: Path) -> None:
         body = scene.add_body(mesh, model, table.get("name"), **start)
     for path, region in tables(table, "region", field):
         body.regions.append(make(RegionMaterial, region, path))
+    if "skin" in table:
+        body.skin = scene_mesh.build_skin(table, field, folder, mesh)
     for path, pin in tables(table, "pin", field):
         body.pins.append(_pin(pin, path))
     for path, load in tables(table, "load", field):

@@ -15,7 +15,8 @@ from tisoft.checks import FieldError, inside, joined
 from tisoft.errors import MeshError
 from tisoft.geometry import shapes
 from tisoft.geometry.merging import merged
-from tisoft.geometry.mesh import Mesh
+from tisoft.geometry.mesh import Mesh, TetMesh
+from tisoft.geometry.skin import Skin, read_skin
 from tisoft.models.materials import MassSpring, Model
 from tisoft.scene_keys import Table, check_keys
 
@@ -134,21 +135,19 @@ def build_mesh(table: Any, field: str, folder: Path, model: Model) -> Mesh:
     check_keys(table, field, (*SOURCES, *TRANSFORM, "merge"))
     source = checks.exactly_one(field, {key: table.get(key) for key in SOURCES})
     with inside(field):
-        scale = _scale(table)
+        transform = _transform(table)
         merge = _merge(table, source)
-        rotate = checks.vector("rotate", table.get("rotate", (0.0, 0.0, 0.0)), unit="degrees")
-        translate = checks.vector("translate", table.get("translate", (0.0, 0.0, 0.0)), unit="m")
     path = joined(field, source)
     try:
         if source == "file":
-            mesh = _read(path, table["file"], folder)
+            mesh = _read(path, table["file"], folder, _read_mesh)
         elif source == "points":
             mesh = _net(path, table["points"], model)
         else:
             mesh = _shape(path, table[source], SHAPES[source])
         if any(key in table for key in TRANSFORM):
             path = field
-            mesh = mesh.transformed(scale=scale, rotate=rotate, translate=translate)
+            mesh = mesh.transformed(**transform)
         if source == "file" and not {"scale", "units"} & table.keys():
             mesh = _questioned(mesh)
         if merge is not False:
@@ -195,7 +194,48 @@ def _questioned(mesh: Mesh) -> Mesh:
     return replace(mesh, questions=(told,))
 
 
-def _read(field: str, name: Any, folder: Path) -> Mesh:
+def _transform(table: Table) -> dict[str, Any]:
+    """How a mesh is put into its place."""
+    nothing = (0.0, 0.0, 0.0)
+    return {
+        "scale": _scale(table),
+        "rotate": checks.vector("rotate", table.get("rotate", nothing), unit="degrees"),
+        "translate": checks.vector("translate", table.get("translate", nothing), unit="m"),
+    }
+
+
+def build_skin(body: Table, field: str, folder: Path, mesh: Mesh) -> Skin:
+    """The skin of a body's table, which is put into its place as the body's mesh is.
+
+    Raises:
+        FieldError: the key with its path, its value, and what to do.
+    """
+    table, field = body["skin"], joined(field, "skin")
+    check_keys(table, field, ("file",))
+    if "file" not in table:
+        raise FieldError(
+            joined(field, "file"), "is missing; name a surface file (.obj, .ply, .stl)"
+        )
+    if not isinstance(mesh, TetMesh):
+        raise FieldError(field, "is carried by tets, and this body has springs alone; remove it")
+    path, name = joined(field, "file"), table["file"]
+    try:
+        return _read(
+            path, name, folder, lambda file: read_skin(file, mesh, **_transform(body["mesh"]))
+        )
+    except MeshError as error:
+        told = str(error).removeprefix(f"{folder / str(name)}: ")
+        raise FieldError(path, f"is no usable skin: {told}", name) from None
+
+
+def _read_mesh(path: Path) -> Mesh:
+    from tisoft.geometry.files import read_mesh  # meshio is slow to import
+
+    return read_mesh(path)
+
+
+def _read(field: str, name: Any, folder: Path, read: Callable[[Path], Any]) -> Any:
+    """What `read` makes of a file that lies beside the scene's."""
     if not isinstance(name, str) or not name.isprintable() or not name:
         raise FieldError(field, 'must be the name of a mesh file, as "jelly.vtu"', name)
     try:
@@ -210,9 +250,7 @@ def _read(field: str, name: Any, folder: Path) -> Mesh:
             raise FieldError(field, problem, name)
         if not path.is_file():
             raise FieldError(field, "is a device or a pipe; name a mesh file", name)
-        from tisoft.geometry.files import read_mesh  # meshio is slow to import
-
-        return read_mesh(path)
+        return read(path)
     except OSError as error:
         raise FieldError(field, f"cannot be read: {error.strerror or error}", name) from None
 

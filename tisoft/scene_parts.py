@@ -41,14 +41,21 @@ class Camera:
         target: the point in the middle of the picture [m].
         up: the direction that is up in the picture; left out, against gravity.
         fov: vertical angle of view [degrees].
+        turn: how fast it goes round the target, about up [degrees/s].
+        follow: name of the body whose motion, as a whole, it shares.
     """
 
     eye: Vector | None = None
     target: Vector | None = None
     up: Vector | None = None
     fov: float = 40.0
+    turn: float = 0.0
+    follow: str | None = None
 
     def __post_init__(self) -> None:
+        keep_number(self, "turn", unit="degrees/s")
+        if self.follow is not None:
+            checks.name("follow", self.follow)
         for field in ("eye", "target"):
             if getattr(self, field) is not None:
                 put(self, field, checks.vector(field, getattr(self, field)))
@@ -69,6 +76,8 @@ class Render:
         wireframe: draw the edges of the surface too.
         samples: per pixel and direction, for smooth edges.
         ground: draw obstacle planes as a checked floor.
+        alpha: a transparent background, where the file can hold one (.png, .webp, .gif).
+        scale: tell how wide the floor's tiles are.
     """
 
     size: tuple[int, int] = (1280, 720)
@@ -76,6 +85,8 @@ class Render:
     wireframe: bool = False
     samples: int = 2
     ground: bool = True
+    alpha: bool = False
+    scale: bool = False
 
     def __post_init__(self) -> None:
         items = checks.sequence("size", self.size, "pixels (width, height)")
@@ -86,4 +97,5 @@ class Render:
         checks.choice("color", self.color, ("stress", "strain", "speed", "body"))
         checks.flag("wireframe", self.wireframe)
         checks.integer("samples", self.samples, least=1, most=8)
-        checks.flag("ground", self.ground)
+        for field in ("ground", "alpha", "scale"):
+            checks.flag(field, getattr(self, field))

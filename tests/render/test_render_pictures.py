@@ -6,11 +6,13 @@ import sys
 import numpy as np
 import pytest
 import taichi as ti
+from scipy import ndimage
 
+from tisoft import bench_render, runtime
 from tisoft.errors import SceneError
 from tisoft.render.camera import Camera, auto_camera
 from tisoft.render.items import Capsules, Spheres, Surface
-from tisoft.render.obstacles import box_surface, plane_surface, sphere_surface
+from tisoft.render.obstacles import box_surface, cube, plane_surface, sphere_surface
 from tisoft.render.renderer import GroundPlane, Renderer
 
 SIZE = (192, 128)
@@ -213,6 +215,76 @@ def test_one_thread_draws_what_two_draw():
     assert digest(1) == digest(2)
 
 
+def test_the_form_for_a_gpu_draws_the_same_picture(monkeypatch):
+    items, camera, ground = ball_on_ground()
+    expected = picture_of(items, camera, ground).astype(int)
+    monkeypatch.setattr(runtime, "on_cpu", lambda: False)  # arrays of Taichi, a thread a triangle
+    difference = np.abs(picture_of(items, camera, ground).astype(int) - expected)
+    assert difference.max() <= 2 and (difference > 0).mean() < 1e-3
+
+
+def test_no_gap_opens_between_triangles():
+    camera = Camera((0, 0, 4.0), (0, 0, 0))
+    points, triangles = ball_points(40)
+    ball = Surface(points, triangles, RED)
+    rng = np.random.default_rng(0)
+    for _ in range(4):
+        ball.positions = points + rng.normal(0.0, 0.004, points.shape)
+        red = redness(draw([ball], camera, size=(640, 480), samples=1)) > 20
+        inner = ndimage.binary_erosion(ndimage.binary_fill_holes(red), iterations=2)
+        assert inner.sum() > 1e4 and red[inner].all()
+
+
+def ball_points(cells):
+    grid, triangles = cube(cells)
+    grid = np.tan(grid * np.pi / 4)
+    return grid / np.linalg.norm(grid, axis=1, keepdims=True), triangles
+
+
+def test_alpha_is_whole_on_bodies_partial_in_shadows_and_nothing_elsewhere():
+    items, camera, ground = ball_on_ground()
+    picture = Renderer(SIZE, ground=ground, alpha=True).draw(items, camera)
+    opaque = picture_of(items, camera, ground)
+    assert picture.shape == (*SIZE[::-1], 4)
+    alpha = picture[..., 3]
+    solid = alpha == 255
+    assert 0.1 < solid.mean() < 0.6
+    assert np.abs(picture[solid][:, :3].astype(int) - opaque[solid]).max() <= 1
+    assert (alpha[0] == 0).all() and ((alpha > 20) & (alpha < 200)).sum() > 50
+    shadow = (alpha > 60) & (alpha < 120)
+    assert np.median(picture[shadow][:, :3]) == 0  # black, but for rims of bodies
+
+
+def test_a_flipped_normal_a_lost_shadow_and_a_wrong_light_change_the_small_picture():
+    items, camera, ground = ball_on_ground()
+    whole = picture_of(items, camera, ground).astype(int)
+    ball = redness(whole) > 40
+    rows, columns = np.nonzero(ball)
+    middle = np.abs(columns - columns.mean()) < 3
+    upper, lower = rows[middle] < np.median(rows), rows[middle] > np.percentile(rows, 90)
+    light = whole.sum(axis=2)
+    top = light[rows[middle][upper], columns[middle][upper]].mean()
+    bottom = light[rows[middle][lower], columns[middle][lower]].mean()
+    assert top > 1.3 * bottom  # the lamp is above
+    left, right = columns < np.percentile(columns, 25), columns > np.percentile(columns, 75)
+    assert light[rows[left], columns[left]].mean() > light[rows[right], columns[right]].mean()
+    bare = Renderer(SIZE, ground=ground).draw([], camera).astype(int)
+    darker = (bare - whole).sum(axis=2)[~ball]
+    assert (darker > 60).sum() > 300  # the shadows on the ground
+
+
+def test_light_passes_through_thin_parts_only():
+    leaf = box_surface((0, 0, 0), (1.6, 0.05, 1.6), color=RED)
+    block = box_surface((0, 0, 0), (1.6, 1.6, 1.6), color=RED)
+    below = Camera((0, -6.0, 0.5), (0, 0, 0))
+    gains = []
+    for item in (leaf, block):
+        dark = draw([item], below)
+        item.translucent = 1.0
+        gains.append((draw([item], below) - dark).sum(axis=2)[SIZE[1] // 2, SIZE[0] // 2])
+    assert gains[0] > 30 and gains[0] > 1.5 * gains[1]
+
+
 def test_edges_are_drawn_on_request_and_thinly():
     camera = Camera((0, 0, 4.0), (0, 0, 0))
     ball = sphere_surface((0, 0, 0), 1.0, color=(0.9, 0.9, 0.9))
@@ -252,3 +324,10 @@ def test_positions_that_are_not_finite_draw_nothing_and_do_no_harm():
 def test_pictures_that_cannot_be_drawn_are_refused(options):
     with pytest.raises(SceneError, match="render"):
         Renderer(**options)
+
+
+def test_bench_tells_the_time_of_every_stage():
+    row = bench_render.measure((64, 48), 1_000)
+    assert row["milliseconds"] == pytest.approx(sum(row["stages"].values()), rel=0.5)
+    assert list(row["stages"]) == ["places", "projection", "lamp", "ground", "seeing", "shading"]
+    assert "64x48" in bench_render.as_text([row])

@@ -9,15 +9,8 @@ from numpy.typing import NDArray
 
 from tisoft.check.limiting import RestLimits, rest_limits
 from tisoft.check.report import Report
-from tisoft.observers.scenery import (
-    Survey,
-    body_items,
-    camera_of,
-    ground_of,
-    obstacle_items,
-    up_of,
-    with_bar,
-)
+from tisoft.observers.framing import Survey, camera_of, ground_of, up_of
+from tisoft.observers.scenery import body_items, obstacle_items, with_bar
 from tisoft.render.colormap import colors_of
 from tisoft.render.items import Capsules, Item, Spheres, Surface
 from tisoft.render.overlay import ColorBar, draw_caption

@@ -14,6 +14,7 @@ from tisoft.whole_files import as_json
 HELP = "how fast this machine is"
 EXAMPLES = """examples:
   tisoft bench
+  tisoft bench --render
   tisoft bench --sizes S XL --models viscoelastic --seconds 2 --json"""
 
 
@@ -29,6 +30,9 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seconds", type=float, default=1.0, help="of stepping per measurement (1)"
     )
+    parser.add_argument(
+        "--render", action="store_true", help="pictures instead: ms a frame, stage by stage"
+    )
     parser.add_argument("--no-compile", action="store_true", help="do not time compiling")
     common.add_machine(parser)
     common.add_output(parser)
@@ -38,6 +42,8 @@ def execute(options: argparse.Namespace) -> int:
     """Measure and report."""
     if not 0.0 < options.seconds < 1e4:
         raise SceneError(f"--seconds is {options.seconds:g}; give a time above 0, as 1")
+    if options.render:
+        return _render(options)
     precision = options.precision or "f32"
     rows = []
     for model in options.models:
@@ -52,4 +58,20 @@ def execute(options: argparse.Namespace) -> int:
         print(as_json({"status": "done", "cores": runtime.threads(), "results": rows}))
     elif not options.quiet:
         print(as_text(rows))
+    return 0
+
+
+def _render(options: argparse.Namespace) -> int:
+    """Time pictures and report."""
+    from tisoft import bench_render
+
+    rows = [
+        bench_render.measure(size, count, arch=options.arch)
+        for size in bench_render.SIZES
+        for count in bench_render.CELLS
+    ]
+    if options.json:
+        print(as_json({"status": "done", "cores": runtime.threads(), "results": rows}))
+    elif not options.quiet:
+        print(bench_render.as_text(rows))
     return 0

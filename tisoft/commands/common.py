@@ -83,10 +83,11 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
 
 
 def add_picture(parser: argparse.ArgumentParser) -> None:
-    """--size, --color and --wireframe."""
+    """--size, --color, --wireframe and --alpha."""
     parser.add_argument("--size", metavar="WxH", help="of the picture in pixels, as 1280x720")
     parser.add_argument("--color", choices=COLORS, help="what the surfaces' colours show")
     parser.add_argument("--wireframe", action="store_true", help="draw the edges of the surfaces")
+    parser.add_argument("--alpha", action="store_true", help="leave the background transparent")
 
 
 def scene_of(options: argparse.Namespace, *, tell: bool = True) -> Scene:
@@ -97,11 +98,11 @@ def scene_of(options: argparse.Namespace, *, tell: bool = True) -> Scene:
             print(f"tisoft: warning: {warning}", file=sys.stderr)
     if options.precision:
         scene.precision = options.precision
-    scene.render = _render_of(options, scene.render)
+    scene.render = render_of(options, scene.render)
     return scene
 
 
-def _render_of(options: argparse.Namespace, render: Render) -> Render:
+def render_of(options: argparse.Namespace, render: Render) -> Render:
     """The scene's picture settings with those of the command line instead."""
     changes: dict[str, Any] = {}
     if getattr(options, "size", None):
@@ -111,8 +112,9 @@ def _render_of(options: argparse.Namespace, render: Render) -> Render:
         changes["size"] = (int(size[1]), int(size[2]))
     if getattr(options, "color", None):
         changes["color"] = options.color
-    if getattr(options, "wireframe", False):
-        changes["wireframe"] = True
+    for key in ("wireframe", "alpha"):
+        if getattr(options, key, False):
+            changes[key] = True
     with inside("render"):
         return dataclasses.replace(render, **changes)
 

@@ -105,7 +105,7 @@ def _film(scene: Scene, found: Modes, options: argparse.Namespace) -> None:
     if options.shape > len(found.frequencies):
         raise SceneError(f"--shape is {options.shape}; there are {len(found.frequencies)} modes")
     from tisoft.observers.film import film_to
-    from tisoft.observers.scenery import Survey
+    from tisoft.observers.framing import Survey
     from tisoft.simulation import Simulation
 
     scene.frame_rate = 30.0

@@ -1,30 +1,40 @@
-"""tisoft render: simulate a scene and draw it off-screen."""
+"""tisoft render: simulate a scene and draw it off-screen, or draw a run that was saved."""
 
 from __future__ import annotations
 
 import argparse
+import sys
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from tisoft import runtime
 from tisoft.commands import common
+from tisoft.errors import SceneError
 from tisoft.folders import Owner
 from tisoft.scene import Scene
+from tisoft.scene_file import load_scene
+from tisoft.whole_files import as_json
 
 if TYPE_CHECKING:
     from tisoft.observers.film import Film
 
-HELP = "simulate a scene and draw it, without a display"
+HELP = "simulate a scene and draw it, or draw a saved run, without a display"
 EXAMPLES = """examples:
   tisoft render beam.toml -o beam.mp4 --color stress
   tisoft render beam.toml -o beam.png               a picture of the end
   tisoft render beam.toml -o pictures/              a folder of pictures
+  tisoft render beam.toml -o beam.webp --alpha      without a background
+  tisoft render out/frames.pvd -o beam.mp4          frames of run -o out --save-every 1
+  tisoft render out/frames.pvd --scene beam.toml -o beam.mp4
 
-The scene runs twice: a first look, undrawn, fixes the view and the range of the colours."""
+A saved run knows its bodies alone; --scene brings its obstacles, its camera and its colours."""
 
 
 def add(parser: argparse.ArgumentParser) -> None:
     """The command's options."""
     common.add_scene(parser)
+    parser.add_argument("--scene", dest="scenery", metavar="SCENE", help="of a saved run (.toml)")
     common.add_place(
         parser,
         "OUT",
@@ -36,15 +46,23 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     """Draw the scene and report."""
+    if Path(options.scene).suffix.lower() == ".pvd":
+        return _draw_saved(options)
+    if options.scenery:
+        raise SceneError(f"--scene goes with a saved run (frames.pvd), not with {options.scene}")
     scene = common.scene_of(options)
     pictures = round(scene.duration * scene.frame_rate) + 1
     owner = common.owner_of(options, "render", pictures=pictures)
     run, film = draw(scene, options, options.output, owner=owner)
     count = film.sink.kept if film else 0
-    size = "{} x {}".format(*scene.render.size)
+    result = run.result(output=options.output, pictures=count)
+    return run.report(options, result, *_told(scene, options, count))
+
+
+def _told(scene: Scene, options: argparse.Namespace, count: int) -> list[str]:
+    width, height = scene.render.size
     many = "picture" if count == 1 else "pictures"
-    told = [f"{options.output}: {count} {many} of {size} pixels"] if count else []
-    return run.report(options, run.result(output=options.output, pictures=count), *told)
+    return [f"{options.output}: {count} {many} of {width} x {height} pixels"] if count else []
 
 
 def draw(
@@ -55,23 +73,77 @@ def draw(
     owner: Owner | None = None,
     kept: float | None = None,
 ) -> tuple[common.Run, Film | None]:
-    """Simulate twice: a first look fixes the view and the colours, the second run is drawn.
+    """Simulate, and draw: while it runs, where all of the look is given; else when it has run, as
+    the view and the range of the colours depend on the whole.
 
     The film keeps the picture at the share `kept` of the run in `film.kept`.  There is none where
     the run was stopped before.
     """
     sim = common.simulation_of(scene, options)
 
-    from tisoft.observers.film import Look, film_to
+    from tisoft.observers.film import film_to, is_framed
     from tisoft.observers.progress import Progress
+    from tisoft.observers.track import Track
 
     run = common.Run(sim)
     film: Film | None = None
     with run.ended(), film_to(output, scene, owner) as film_there:  # a wrong place is told at once
-        film, look = film_there, Look(scene.render.color)
-        run.step(observers=[look, Progress("looking", quiet=options.quiet)])
-        run.sim = common.simulation_of(scene, options)
-        film.survey, film.kept_index = look.survey, round((kept or 1.0) * sim.frame)
-        run.step(observers=[film, Progress("drawing", quiet=options.quiet)])
-    run.seconds = run.sim.wall_seconds
+        film = film_there
+        film.kept_index = round((kept or 1.0) * scene.duration * scene.frame_rate)
+        track = Track(scene.render.color)
+        watching = [film if is_framed(scene) else track]
+        run.step(observers=[*watching, Progress("running", quiet=options.quiet)])
+        if len(track):
+            _show(film, scene, track, options)
+    run.seconds = sim.wall_seconds
     return run, film
+
+
+def _show(film: Film, scene: Scene, track: Any, options: argparse.Namespace) -> None:
+    """Draw what a run has left, with a view of all of it."""
+    from tisoft.observers.framing import Survey
+    from tisoft.observers.scenery import Scenery, actors_of, followed_by
+
+    actors = getattr(track, "actors", None) or actors_of(scene)
+    survey = Survey.of(track, followed_by(scene, actors))
+    film.scenery = Scenery(scene, actors, survey)
+    for snapshot in _counted(track, options):
+        film.show(snapshot)
+
+
+def _counted(snapshots: Any, options: argparse.Namespace) -> Iterator[Any]:
+    """The snapshots, counted on standard error where that is a terminal."""
+    from tqdm import tqdm
+
+    quiet = True if options.quiet else None  # None: only on a terminal
+    shown: Iterable[Any] = tqdm(
+        snapshots, desc="drawing", unit="frame", file=sys.stderr, disable=quiet, leave=False
+    )
+    yield from shown
+
+
+def _draw_saved(options: argparse.Namespace) -> int:
+    """Draw frames that a run has saved."""
+    if options.settings and not options.scenery:
+        raise SceneError("--set changes a scene; name it with --scene")
+    scene = load_scene(options.scenery, options.settings) if options.scenery else Scene()
+    scene.render = common.render_of(options, scene.render)
+    runtime.import_taichi()
+
+    from tisoft.observers.film import film_to
+    from tisoft.observers.saved import SavedRun
+
+    saved = SavedRun(Path(options.scene), scene.render.color)
+    for actor, body in zip(saved.actors, scene.bodies, strict=False):
+        actor.name = body.name
+    scene.frame_rate = saved.rate()
+    runtime.start(options.arch)
+    owner = common.owner_of(options, "render", pictures=len(saved))
+    with film_to(options.output, scene, owner) as film:
+        _show(film, scene, saved, options)
+    count = film.sink.kept
+    if options.json:
+        print(as_json({"status": "done", "output": options.output, "pictures": count}))
+    elif not options.quiet:
+        print("\n".join(_told(scene, options, count)))
+    return 0

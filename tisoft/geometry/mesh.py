@@ -116,7 +116,7 @@ class TetMesh:
         translate: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> TetMesh:
         """The mesh scaled, then turned about x, y and z [degrees], then moved [m]."""
-        return replace(self, points=_moved(self.points, scale, rotate, translate))
+        return replace(self, points=moved(self.points, scale, rotate, translate))
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +182,7 @@ class SpringNet:
         translate: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> SpringNet:
         """The net scaled, then turned about x, y and z [degrees], then moved [m]."""
-        return replace(self, points=_moved(self.points, scale, rotate, translate))
+        return replace(self, points=moved(self.points, scale, rotate, translate))
 
 
 Mesh = TetMesh | SpringNet
@@ -253,9 +253,10 @@ def _freeze(mesh: TetMesh | SpringNet, name: str, values: NDArray[np.generic]) -
     object.__setattr__(mesh, name, values)
 
 
-def _moved(
+def moved(
     points: Floats, scale: float, rotate: Sequence[float], translate: Sequence[float]
 ) -> Floats:
+    """Points scaled, then turned about x, y and z [degrees], then moved [m]."""
     if not (np.isfinite(scale) and scale > 0):
         raise MeshError(f"scale must be a positive number, not {scale!r}")
     angles, shift = np.asarray(rotate, dtype=float), np.asarray(translate, dtype=float)

@@ -61,18 +61,18 @@ def _of_body(sim: Simulation, part: Part, body: Body, stress: bool, u: Floats) -
     """Stress [Pa] or strain [%] at one body's nodes, in the mesh's order."""
     if part.is_springs and stress:
         values = np.empty(len(part.order))
-        values[part.order] = _mises(virial_stress(part, u))
+        values[part.order] = mises(virial_stress(part, u))
         return values
     told = sim.measures.elements(body)
     if isinstance(told, SpringMeasures):
         each = 100.0 * np.abs(told.strain)
     else:
-        each = told.von_mises if stress else 100.0 * _mises(told.strain) * 2.0 / 3.0
+        each = told.von_mises if stress else 100.0 * mises(told.strain) * 2.0 / 3.0
     return sim.measures.nodal(body, each)
 
 
-def _mises(tensors: Floats) -> Floats:
-    """√(3/2 s:s) of the deviators s, shape (n,)."""
+def mises(tensors: Floats) -> Floats:
+    """Equivalents √(3/2 s:s) of the deviators s, shape (n,)."""
     mean = np.trace(tensors, axis1=1, axis2=2)[:, None, None] / 3.0
     deviator = tensors - mean * np.eye(3)
     equivalent: Floats = np.sqrt(1.5 * np.einsum("eij,eij->e", deviator, deviator))

@@ -9,110 +9,117 @@ from numpy.typing import NDArray
 
 from tisoft.body import Body
 from tisoft.geometry.mesh import TetMesh
+from tisoft.geometry.skin import Skin
 from tisoft.geometry.topology import unique_edges
 from tisoft.models.materials import MassSpring
-from tisoft.observers.quantities import QUANTITIES, node_values
-from tisoft.render.camera import Camera, auto_camera
+from tisoft.observers.framing import Survey, View, ground_of, room_of, up_of
+from tisoft.observers.quantities import QUANTITIES
+from tisoft.observers.track import Snapshot
 from tisoft.render.colormap import body_color, colors_of
 from tisoft.render.items import Capsules, Item, Spheres, Surface
 from tisoft.render.obstacles import box_surface, plane_surface, sphere_surface
-from tisoft.render.overlay import ColorBar, draw_color_bar
+from tisoft.render.overlay import ColorBar, draw_caption, draw_color_bar
 from tisoft.render.renderer import Renderer
-from tisoft.render.stage import GroundPlane
+from tisoft.render.stage import GroundPlane, tile_length
 from tisoft.scene import Box, Plane, Scene, Sphere
-from tisoft.simulation import Simulation
 
 Floats = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 
 SPRING_RADIUS = 0.05
 """Of a spring as drawn, as a share of the median spring's length."""
-SHOWN = (98.0, 85.0)
-"""Per cent of the nodes, and of the frames, whose values the colours tell apart; what is above, as
-peaks at single nodes and at the moment of an impact, shows the end's colour."""
 COLORMAP = "YlOrRd"
 """Light where nothing happens, so that a body at rest looks like a body in daylight."""
-
-
+TRANSLUCENT = 0.8
+"""Of soft bodies, which let light through where they are thin."""
 LEAST_HEIGHT = 200
 """Pixels of a picture that has room for a colour bar."""
 
 
 @dataclass
-class Survey:
-    """What a film must leave room for: where nodes go, and the values that colours show."""
+class Actor:
+    """Items that show one body."""
 
-    lo: Floats = field(default_factory=lambda: np.full(3, np.inf))
-    hi: Floats = field(default_factory=lambda: np.full(3, -np.inf))
-    tops: list[float] = field(default_factory=list)
-    """High value of every frame."""
+    name: str
+    nodes: slice
+    """Its rows of the scene's nodes."""
+    items: list[Item] = field(default_factory=list)
+    skin: Skin | None = None
 
-    @property
-    def top(self) -> float:
-        """The value at the end of the colour bar."""
-        return float(np.percentile(self.tops, SHOWN[1])) if self.tops else 0.0
+    def place(self, positions: Floats) -> None:
+        """Bring the items to where all nodes are [m]."""
+        if self.skin is not None:
+            positions = self.skin.carried(positions[self.nodes])
+        for item in self.items:
+            item.positions = positions
 
-    @classmethod
-    def of_start(cls, sim: Simulation) -> Survey:
-        """What the start alone tells: where bodies are, and the ground that they may fall to."""
-        survey = cls()
-        survey.see(sim, "body")
-        up = up_of(sim.scene)
-        ground = ground_of(sim.scene, up)
-        if ground is not None:
-            below = up * (up @ (survey.lo - np.array(ground.point)))
-            survey.lo = np.minimum(survey.lo, survey.lo - below)
-            survey.hi = np.maximum(survey.hi, survey.lo)
-        return survey
+    def paint(self, colors: NDArray[np.float32]) -> None:
+        """Give the items the colours of all nodes."""
+        if self.skin is not None:
+            colors = self.skin.carried(colors[self.nodes].astype(np.float64)).astype(np.float32)
+        for item in self.items:
+            item.color = colors if not isinstance(item, Spheres) else colors[item.nodes]
 
-    def see(self, sim: Simulation, color: str) -> None:
-        """Widen it by the simulation's present state."""
-        x = sim.positions()
-        self.lo, self.hi = np.minimum(self.lo, x.min(axis=0)), np.maximum(self.hi, x.max(axis=0))
-        if color in QUANTITIES:
-            values = node_values(sim, color)
-            self.tops.append(float(np.percentile(values, SHOWN[0])))
+
+def actors_of(scene: Scene) -> list[Actor]:
+    """What shows the bodies of a scene, at rest."""
+    made: list[Actor] = []
+    start = 0
+    rest = np.concatenate([body.mesh.points for body in scene.bodies])
+    for number, body in enumerate(scene.bodies):
+        nodes = slice(start, start + len(body.mesh.points))
+        wires = scene.render.wireframe
+        actor = Actor(body.name, nodes, skin=body.skin)
+        if body.skin is not None:
+            color, places = body_color(number), body.skin.carried(body.mesh.points)
+            actor.items = [_soft(places, body.skin.triangles, color, wires)]
+        else:
+            actor.items = body_items(body, start, rest, number, wireframe=wires)
+        made.append(actor)
+        start = nodes.stop
+    return made
+
+
+def followed_by(scene: Scene, actors: list[Actor]) -> slice | None:
+    """The nodes that the camera follows."""
+    return next((actor.nodes for actor in actors if actor.name == scene.camera.follow), None)
 
 
 class Scenery:
-    """Draws a simulation; `survey` fixes the view and the colours' range for the whole film."""
+    """Draws snapshots of actors; `survey` fixes the view and the colours' range for all of them."""
 
-    def __init__(self, sim: Simulation, survey: Survey) -> None:
-        scene = sim.scene
-        self.sim = sim
+    def __init__(self, scene: Scene, actors: list[Actor], survey: Survey) -> None:
+        self.actors = actors
         self.survey = survey
         self.look = scene.render
-        self.up = up_of(scene)
-        self.camera = camera_of(scene, survey)
-        plane = ground_of(scene, self.up) if scene.render.ground else None
+        self.view = View(scene, survey)
+        up = up_of(scene)
+        plane = ground_of(scene, up) if scene.render.ground else None
         self.renderer = Renderer(
             scene.render.size,
             samples=scene.render.samples,
             ground=GroundPlane(plane.point, plane.normal) if plane else None,
-            up=tuple(self.up),
+            up=tuple(up),
+            alpha=scene.render.alpha,
         )
-        self.items: list[Item] = []
-        start, positions = 0, sim.positions()
-        for number, body in enumerate(scene.bodies):
-            self.items += body_items(body, start, positions, number, wireframe=self.look.wireframe)
-            start += len(body.mesh.points)
-        self.moving = list(self.items)
+        self.items = [item for actor in actors for item in actor.items]
         self.items += obstacle_items(scene, plane, survey)
 
-    def draw(self) -> Picture:
-        """The simulation's present state, shape (height, width, 3)."""
-        positions = self.sim.positions()
-        for item in self.moving:
-            item.positions = positions
-        quantity = QUANTITIES.get(self.look.color)
+    def draw(self, snapshot: Snapshot) -> Picture:
+        """The picture of a snapshot, shape (height, width, 3 or 4)."""
+        for actor in self.actors:
+            actor.place(snapshot.positions)
+        camera = self.view.at(snapshot)
+        quantity, top = QUANTITIES.get(self.look.color), self.survey.top
+        if quantity is not None and snapshot.values is not None:
+            colors = colors_of(snapshot.values, 0.0, top, name=COLORMAP)
+            for actor in self.actors:
+                actor.paint(colors)
+        picture = self.renderer.draw(self.items, camera)
+        if self.look.scale and len(picture) >= LEAST_HEIGHT:
+            picture = draw_caption(picture, f"a tile is {tile_length(camera):g} m wide")
         if quantity is None:
-            return self.renderer.draw(self.items, self.camera)
-        values = node_values(self.sim, self.look.color)
-        top = self.survey.top
-        colors = colors_of(values, 0.0, top, name=COLORMAP)
-        for item in self.moving:
-            item.color = colors if not isinstance(item, Spheres) else colors[item.nodes]
-        picture = self.renderer.draw(self.items, self.camera)
+            return picture
         return with_bar(picture, ColorBar(quantity.label, quantity.unit, 0.0, top, COLORMAP))
 
 
@@ -123,52 +130,10 @@ def with_bar(picture: Picture, bar: ColorBar) -> Picture:
     )
 
 
-def up_of(scene: Scene) -> Floats:
-    """Unit vector that is up in the picture: the camera's, else against gravity, else y."""
-    if scene.camera.up is not None:
-        return np.array(scene.camera.up)
-    gravity = np.array(scene.gravity)
-    strength = float(np.linalg.norm(gravity))
-    return -gravity / strength if strength else np.array([0.0, 1.0, 0.0])
-
-
-def ground_of(scene: Scene, up: Floats) -> Plane | None:
-    """The plane that is drawn as an endless floor: the most level one that bears bodies."""
-    planes = [p for p in scene.obstacles if isinstance(p, Plane) and up @ np.array(p.normal) > 0.1]
-    return max(planes, key=lambda p: float(up @ np.array(p.normal)), default=None)
-
-
-def camera_of(scene: Scene, survey: Survey) -> Camera:
-    """The scene's camera; what it leaves out is chosen so that all motion is in the picture."""
-    given = scene.camera
-    up = up_of(scene)
-    width, height = scene.render.size
-    lo, hi = room_of(scene, survey)
-    auto = auto_camera(lo, hi, up, aspect=width / height, fov=given.fov)
-    if given.eye is None and given.target is None:
-        return auto
-    target = np.array(auto.target if given.target is None else given.target)
-    away = np.subtract(auto.eye, auto.target)
-    eye = target + away if given.eye is None else np.array(given.eye)
-    return Camera(tuple(eye), tuple(target), tuple(up), given.fov)
-
-
-def room_of(scene: Scene, survey: Survey) -> tuple[Floats, Floats]:
-    """The box to frame: the motion, and spheres and boxes that are no larger than three of it."""
-    lo, hi = survey.lo.copy(), survey.hi.copy()
-    reach = 3.0 * float(np.linalg.norm(hi - lo))
-    for obstacle in scene.obstacles:
-        if isinstance(obstacle, Plane):
-            continue
-        half = np.full(3, obstacle.radius) if isinstance(obstacle, Sphere) else _half(obstacle)
-        low, high = np.array(obstacle.center) - half, np.array(obstacle.center) + half
-        if np.linalg.norm(high - low) <= reach:
-            lo, hi = np.minimum(lo, low), np.maximum(hi, high)
-    return lo, hi
-
-
-def _half(box: Box) -> Floats:
-    return 0.5 * np.array(box.size)
+def _soft(
+    positions: Floats, triangles: NDArray[np.int32], color: tuple[float, ...], wireframe: bool
+) -> Surface:
+    return Surface(positions, triangles, color, wireframe=wireframe, translucent=TRANSLUCENT)
 
 
 def body_items(
@@ -181,16 +146,22 @@ def body_items(
     color = body_color(number)
     mesh = body.mesh
     if not isinstance(body.model, MassSpring):
-        return [Surface(positions, mesh.surface + start, color, wireframe=wireframe)]
+        return [_soft(positions, mesh.surface + start, color, wireframe)]
     if not net and not isinstance(mesh, TetMesh) and _is_sheet(mesh.surface):
         return [Surface(positions, mesh.surface + start, color, wireframe=wireframe)]
-    springs = body.springs().astype(np.int32)
-    ends = mesh.points[springs]
+    return spring_items(positions, body.springs().astype(np.int32) + start, color)
+
+
+def spring_items(
+    positions: Floats, springs: NDArray[np.int32], color: tuple[float, ...]
+) -> list[Item]:
+    """Springs between rows of `positions`, and the mass points at their ends."""
+    ends = positions[springs]
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     radius = SPRING_RADIUS * float(np.median(lengths)) if len(lengths) else 0.0
-    nodes = np.unique(springs).astype(np.int32) + start
+    nodes = np.unique(springs).astype(np.int32)
     return [
-        Capsules(positions, springs + start, radius, color),
+        Capsules(positions, springs, radius, color),
         Spheres(positions, 1.6 * radius, color, nodes),
     ]
 

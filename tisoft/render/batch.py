@@ -1,5 +1,5 @@
 """Items gathered into one set of arrays, so that a picture costs the same few launches whatever it
-shows, and what does not change is uploaded once."""
+shows, and what does not change is prepared once."""
 
 from __future__ import annotations
 
@@ -7,65 +7,52 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import taichi as ti
 from numpy.typing import NDArray
 
-from tisoft.render import geometry
-from tisoft.render.items import Capsules, Item, Spheres, Surface, host
+from tisoft.render.items import Item, Surface, host
+from tisoft.render.layout import COLOR, PLACE
 
-
-def upload(array: NDArray[Any]) -> Any:
-    """A Taichi ndarray with the same content; an empty one gets a row of zeros."""
-    if not len(array):
-        array = np.zeros((1, *array.shape[1:]), dtype=array.dtype)
-    floats = array.dtype.kind == "f"
-    device = ti.ndarray(ti.f32 if floats else ti.i32, array.shape)
-    device.from_numpy(np.ascontiguousarray(array, dtype=np.float32 if floats else np.int32))
-    return device
+Floats = NDArray[np.float32]
+Integers = NDArray[np.int32]
 
 
 class Batch:
-    """Arrays of all items: points (vertices of surfaces, then ends of capsules) and triangles."""
+    """Arrays of all items, in NumPy: vertices of surfaces, then ends of capsules; triangles, then
+    capsules.  An array that would be empty has a row of zeros that nothing reads.
+    """
 
     def __init__(self, items: Sequence[Item]) -> None:
         self.items = list(items)
-        self.surfaces = [item for item in items if isinstance(item, Surface)]
-        self.capsules = [item for item in items if isinstance(item, Capsules | Spheres)]
-        smooth = [item.smooth for item in self.surfaces]
-        ends = [item.end_nodes() for item in self.capsules]
-        counts = [len(s.nodes) for s in smooth] + [len(e) for e in ends]
-        self.starts = np.concatenate([[0], np.cumsum(counts)]).astype(int).tolist()
-        self.nodes = [upload(nodes) for nodes in [*(s.nodes for s in smooth), *ends]]
-        self.vertex_count = self.starts[len(smooth)]
-        self.capsule_count = (self.starts[-1] - self.vertex_count) // 2
+        surfaces = [item for item in items if isinstance(item, Surface)]
+        capsules = [item for item in items if not isinstance(item, Surface)]
+        self.order: list[Item] = [*surfaces, *capsules]
+        smooth = [item.smooth for item in surfaces]
+        self.nodes = [*(s.nodes for s in smooth), *(c.end_nodes() for c in capsules)]
+        self.starts = np.concatenate([[0], np.cumsum([len(n) for n in self.nodes])]).astype(int)
         self.triangle_count = sum(len(s.triangles) for s in smooth)
-        self._upload_topology(smooth)
-        self._upload_materials([len(s.triangles) for s in smooth], [len(e) // 2 for e in ends])
-        self.points = upload(np.zeros((self.starts[-1], 3), dtype=np.float32))
-        self.normals = upload(np.zeros((self.vertex_count, 3), dtype=np.float32))
-        self.colors = upload(np.zeros((self.starts[-1], 3), dtype=np.float32))
-        self.radii = upload(np.zeros(self.capsule_count, dtype=np.float32))
-        self._radius = 0.0
+        self.primitives = self._primitives(smooth)
+        self.capsule_count = len(self.primitives) - self.triangle_count
+        if not len(self.primitives):
+            self.primitives = np.zeros((1, 4), np.int32)
+        firsts = np.concatenate([[0], np.cumsum([len(s.corners) for s in smooth])]).astype(int)
+        corner_starts = [s.starts[1:] + n for s, n in zip(smooth, firsts, strict=False)]
+        self.corner_starts = _joined([np.zeros(1, np.int32), *corner_starts])
+        three = zip(smooth, firsts, strict=False)  # corner 3t + k of all triangles
+        self.corners = _joined([*(s.corners + n for s, n in three), np.zeros(1, np.int32)])
+        self.vertices = np.zeros((4, max(int(self.starts[-1]), 1), 3), np.float32)
+        self.wires = False
+        self._shown: list[Any] = [None] * len(self.order)
 
-    def _upload_topology(self, smooth: list[Any]) -> None:
-        nothing = np.zeros((0, 3), dtype=np.int32)
-        triangles, starts, corners, first = [nothing], [np.zeros(1, np.int32)], [nothing[:, 0]], 0
-        for s, start in zip(smooth, self.starts, strict=False):
-            triangles.append(s.triangles + start)
-            starts.append(s.starts[1:] + first)
-            corners.append(s.corners + first)
-            first += len(s.corners)
-        self.triangles = upload(np.concatenate(triangles))
-        self.corner_starts = upload(np.concatenate(starts))
-        self.corners = upload(np.concatenate(corners))
-
-    def _upload_materials(self, triangles: list[int], capsules: list[int]) -> None:
-        everything = [*self.surfaces, *self.capsules]
-        of = np.repeat(np.arange(len(everything)), [*triangles, *capsules])
-        wires = [float(getattr(item, "wireframe", False)) for item in everything]
-        shines = [float(item.shine) for item in everything]
-        self.item_of = upload(of.astype(np.int32))
-        self.materials = upload(np.array([wires, shines], dtype=np.float32).T.reshape(-1, 2))
+    def _primitives(self, smooth: list[Any]) -> Integers:
+        rows = [np.zeros((0, 4), np.int32)]
+        for k, start in enumerate(self.starts[:-1]):
+            if k < len(smooth):
+                corners = smooth[k].triangles + start
+            else:
+                ends = start + np.arange(len(self.nodes[k])).reshape(-1, 2)
+                corners = np.concatenate([ends, np.full((len(ends), 1), -1)], axis=1)
+            rows.append(np.concatenate([corners, np.full((len(corners), 1), k)], axis=1))
+        return np.ascontiguousarray(np.concatenate(rows), np.int32)
 
     def holds(self, items: Sequence[Item]) -> bool:
         """Whether it was made of just these items."""
@@ -74,39 +61,46 @@ class Batch:
         return all(new is old for new, old in zip(items, self.items, strict=True))
 
     def place(self, target: NDArray[np.float64], distance: float) -> None:
-        """Bring positions, normals, colours and radii up to date, about the target."""
-        everything = [*self.surfaces, *self.capsules]
-        for item, nodes, start in zip(everything, self.nodes, self.starts, strict=False):
-            positions = item.positions
-            if len(positions.shape) == 1:  # Taichi's, of vectors
-                positions = host(positions)
-            if isinstance(positions, np.ndarray):
-                positions = np.ascontiguousarray(positions)
-            geometry.place(positions, nodes, start, target, distance, self.points)
-        if self.triangle_count:
-            geometry.vertex_normals(
-                self.points, self.triangles, self.corner_starts, self.corners, self.normals
+        """Bring places, (p - target)/distance, and colours up to date.
+
+        The difference is formed in the positions' own precision, so that with f64 a scene far from
+        the origin, or of any size, loses no digits.
+        """
+        self.wires = any(getattr(item, "wireframe", False) for item in self.order)
+        for k, item in enumerate(self.order):
+            rows = slice(self.starts[k], self.starts[k + 1])
+            if rows.start == rows.stop:
+                continue
+            with np.errstate(invalid="ignore", over="ignore"):
+                here = np.take(host(item.positions), self.nodes[k], axis=0)
+                self.vertices[PLACE, rows] = (here - target) / distance
+            color = np.asarray(item.color, dtype=np.float32)
+            if self._shown[k] is None or not np.array_equal(self._shown[k], color):
+                self._shown[k] = color.copy()
+                self.vertices[COLOR, rows] = item.vertex_colors()
+
+    def places(self) -> Floats:
+        """Places of all vertices, shape (n, 3)."""
+        return self.vertices[PLACE, : self.starts[-1]]
+
+    def material_rows(self, distance: float) -> Floats:
+        """Rows of the stage for all items."""
+        rows = [
+            (
+                float(getattr(item, "wireframe", False)),
+                item.shine,
+                getattr(item, "radius", 0.0) / distance,
+                getattr(item, "translucent", 0.0),
             )
-        if self.capsule_count:
-            counts = np.diff(self.starts)[len(self.surfaces) :] // 2
-            radii = np.repeat([item.radius / distance for item in self.capsules], counts)
-            self._radius = float(radii.max())
-            self.radii.from_numpy(radii.astype(np.float32))
-        self._place_colors()
+            for item in self.order
+        ]
+        return np.array(rows, np.float32).reshape(-1, 4)
 
-    def _place_colors(self) -> None:
-        linear = [s.vertex_colors() for s in self.surfaces]
-        linear += [c.end_colors() for c in self.capsules]
-        counts = np.diff(self.starts)
-        if linear:
-            rows = [np.broadcast_to(c, (n, 3)) for c, n in zip(linear, counts, strict=True)]
-            colors = np.concatenate(rows)
-            if len(colors):
-                self.colors.from_numpy(np.ascontiguousarray(colors))
+    def largest_radius(self, distance: float) -> float:
+        """Of the capsules, in distances from the eye to the target."""
+        radii = [item.radius for item in self.order if not isinstance(item, Surface)]
+        return max(radii, default=0.0) / distance
 
-    def points_and_radius(self) -> tuple[NDArray[np.float64], float]:
-        """All finite points, in NumPy, and the largest radius around them."""
-        if self.starts[-1] == 0:
-            return np.zeros((0, 3)), 0.0
-        points = self.points.to_numpy().astype(np.float64)
-        return points[np.isfinite(points).all(axis=1)], self._radius
+
+def _joined(arrays: list[Any]) -> Integers:
+    return np.ascontiguousarray(np.concatenate(arrays), dtype=np.int32)

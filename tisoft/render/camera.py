@@ -18,7 +18,8 @@ Vector = NDArray[np.float64]
 
 AZIMUTH = 30.0  # degrees off the broad side: the three-quarter view of product photographs
 ELEVATION = 16.0  # degrees above the horizon
-MARGIN = 0.80  # share of the half picture that the framed box may fill
+MARGIN = 0.86  # share of the half picture that what is framed may fill
+S = (-1.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -68,26 +69,51 @@ def auto_camera(
     *,
     aspect: float = 16.0 / 9.0,
     fov: float = 32.0,
+    points: Vector | None = None,
+    angles: Sequence[float] = (0.0,),
 ) -> Camera:
     """Three-quarter view from slightly above that holds the box [lo, hi] (m) of what moves.
 
-    `aspect` is the picture's width over its height. Raises SceneError for bounds that are not
-    finite.
+    `aspect` is the picture's width over its height. With `points` (m) in the box, shape (n, 3), the
+    view holds these and no more; with several `angles` (degrees) it holds them, turned so far about
+    its target. Raises SceneError for bounds that are not finite.
     """
     lo, hi = np.asarray(lo, dtype=np.float64), np.asarray(hi, dtype=np.float64)
     if not (np.isfinite(lo).all() and np.isfinite(hi).all() and (lo <= hi).all()):
         raise SceneError(f"The camera cannot frame a box from {lo} to {hi}: give finite bounds.")
     extent = float(np.linalg.norm(hi - lo)) or 1.0
     half = np.maximum(hi - lo, 1e-3 * extent) / 2.0
-    backward = _direction(half, _unit(np.asarray(up, dtype=np.float64)))
-    view = Camera((lo + hi) / 2 + backward, (lo + hi) / 2, tuple(np.asarray(up, float)), fov)
-    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
-    x, y, z = np.stack(view.axes()) @ (signs * half).T  # of the corners; z grows away from the eye
+    upward = _unit(np.asarray(up, dtype=np.float64))
+    view = Camera((lo + hi) / 2 + _direction(half, upward), (lo + hi) / 2, tuple(upward), fov)
+    if points is None:
+        points = (lo + hi) / 2 + half * np.array([[x, y, z] for x in S for y in S for z in S])
+    # What one camera sees in turn, another sees at once where the points turn the other way.
+    seen = (points - (lo + hi) / 2) @ np.concatenate([_turn(upward, a) for a in angles], axis=1)
+    x, y, z = np.stack(view.axes()) @ seen.reshape(-1, 3).T  # z grows away from the eye
     tan_y = np.tan(np.radians(fov) / 2) * MARGIN
     cx, cy, distance = _fit(x, y, z, tan_y * aspect, tan_y)
-    right, upward, forward = view.axes()
-    target = (lo + hi) / 2 + cx * right + cy * upward
+    right, up_there, forward = view.axes()
+    away = cx * right + cy * up_there
+    if len(angles) > 1:  # a target off the axis would swing about it
+        away = cy / max(float(up_there @ upward), 0.1) * upward
+        x, y, z = (a - away @ axis for a, axis in zip((x, y, z), view.axes(), strict=True))
+        distance = float(np.max(np.maximum(np.abs(x) / (tan_y * aspect), np.abs(y) / tan_y) - z))
+    distance, target = max(distance, 0.5 * extent), (lo + hi) / 2 + away
     return Camera(target - distance * forward, target, tuple(np.asarray(up, float)), fov)
+
+
+def turned(camera: Camera, angle: float) -> Camera:
+    """The camera carried round its target, about its up, by an angle [degrees]."""
+    turn = _turn(_unit(np.asarray(camera.up, dtype=np.float64)), angle)
+    eye = camera.target + turn @ np.subtract(camera.eye, camera.target)
+    return Camera(tuple(eye), camera.target, camera.up, camera.fov)
+
+
+def _turn(axis: Vector, angle: float) -> Vector:
+    """The rotation about a unit vector, after Rodrigues."""
+    c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    cross = np.cross(np.eye(3), axis)
+    return np.asarray(c * np.eye(3) + s * cross + (1.0 - c) * np.outer(axis, axis))
 
 
 def _unit(v: Vector) -> Vector:

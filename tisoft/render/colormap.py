@@ -15,16 +15,17 @@ from tisoft.errors import SceneError
 
 Colors = NDArray[np.float32]
 
-# Clay, sea, honey, leaf, plum, lagoon, coral, moss: far apart in hue, alike in lightness.
+# Clay, sea, honey, jade, orchid, slate, sky, sand: told apart by those who do not see red from
+# green too, as the hues of Okabe and Ito (2008), but calmer.
 PALETTE = (
     (0.90, 0.36, 0.27),
-    (0.22, 0.55, 0.82),
-    (0.96, 0.72, 0.22),
-    (0.33, 0.70, 0.45),
-    (0.63, 0.41, 0.75),
-    (0.20, 0.72, 0.64),
-    (0.93, 0.50, 0.61),
-    (0.60, 0.66, 0.28),
+    (0.20, 0.50, 0.80),
+    (0.97, 0.76, 0.26),
+    (0.16, 0.64, 0.52),
+    (0.80, 0.52, 0.74),
+    (0.36, 0.40, 0.50),
+    (0.50, 0.78, 0.94),
+    (0.78, 0.68, 0.52),
 )
 
 

@@ -1,50 +1,38 @@
 # mypy: ignore-errors
-"""Points and normals of a picture, gathered from the simulation's arrays.
-
-Pictures are computed in units of the camera's distance, about its target:  q = (p - target)/D.
-The difference is formed in f64, so a scene far from the origin, or of any size, loses no digits.
-"""
+"""Types of the kernels' arrays, and the projection and the normals of all vertices."""
 
 import taichi as ti
 
+from tisoft.render.layout import NORMAL, PLACE, SCREEN, TO_W, TO_X, TO_Y
+
+vec2 = ti.types.vector(2, ti.f32)
 vec3 = ti.types.vector(3, ti.f32)
-mat34 = ti.types.matrix(3, 4, ti.f32)
+vec4 = ti.types.vector(4, ti.f32)
 vec3d = ti.types.vector(3, ti.f64)
 
-Scalars = ti.types.ndarray(dtype=ti.f32, ndim=1)
-Vectors = ti.types.ndarray(dtype=ti.f32, ndim=2)
+Rows = ti.types.ndarray(dtype=vec4, ndim=1)  # `stage`
+Vertices = ti.types.ndarray(dtype=vec3, ndim=2)  # rows of layout.py
+Primitives = ti.types.ndarray(dtype=ti.types.vector(4, ti.i32), ndim=1)
+"""Triangles (a, b, c, item) of vertices, then capsules (a, b, -1, item)."""
+Tables = ti.types.ndarray(dtype=ti.f32, ndim=2)  # rows of layout.py
 Integers = ti.types.ndarray(dtype=ti.i32, ndim=1)
-Triples = ti.types.ndarray(dtype=ti.i32, ndim=2)
 Keys = ti.types.ndarray(dtype=ti.i64, ndim=1)
 
-NEAR = 1e-3  # nearest depth drawn, in distances from the eye to the target
 
-# The frustum: unit forward, and right and up as long as the tangents of the half opening angles;
-# width and height in samples, `per_pixel` of them along a pixel's side. The ray through the sample
-# place (x, y) is corner + x across + y down, one unit long along forward.
-View = ti.types.struct(
-    eye=vec3,
-    right=vec3,
-    up=vec3,
-    forward=vec3,
-    corner=vec3,
-    across=vec3,
-    down=vec3,
-    width=ti.i32,
-    height=ti.i32,
-    per_pixel=ti.i32,
-)
+@ti.func
+def affine(a, p):
+    return a[0] * p[0] + a[1] * p[1] + a[2] * p[2] + a[3]
 
 
 @ti.func
-def vector(array: ti.template(), i):
-    return vec3(array[i, 0], array[i, 1], array[i, 2])
+def on(row, x, y):
+    """A row of the picture at a place of it."""
+    return row[0] * x + row[1] * y + row[2]
 
 
 @ti.func
-def row(m: ti.template(), k: ti.template(), p):
-    """Coordinate k of the affine map m at p."""
-    return m[k, 0] * p[0] + m[k, 1] * p[1] + m[k, 2] * p[2] + m[k, 3]
+def head(a):
+    return vec3(a[0], a[1], a[2])
 
 
 @ti.func
@@ -56,52 +44,30 @@ def safe_unit(v):
     return u
 
 
-@ti.func
-def ray(view: ti.template(), x, y):
-    """Direction through a point of the picture (in samples); one unit long along forward."""
-    return view.corner + x * view.across + y * view.down
-
-
-@ti.func
-def to_samples(view: ti.template(), q):
-    """Homogeneous place in the picture, f64: (x w, y w, w) with x and y in samples, w the depth."""
-    v = ti.cast(q - view.eye, ti.f64)
-    right, up = ti.cast(view.right, ti.f64), ti.cast(view.up, ti.f64)
-    w = v.dot(ti.cast(view.forward, ti.f64))
-    x = (v.dot(right) / right.norm_sqr() + w) * 0.5 * view.width
-    y = (w - v.dot(up) / up.norm_sqr()) * 0.5 * view.height
-    return vec3d(x, y, w)
-
-
 @ti.kernel
-def place(
-    positions: ti.types.ndarray(ndim=2),
-    nodes: Integers,
-    first: ti.i32,
-    target: vec3d,
-    distance: ti.f64,
-    points: Vectors,
+def look(
+    vertices: Vertices, stage: Rows, primitives: Primitives, starts: Integers, corners: Integers
 ):
-    """points[first + i] = (positions[nodes[i]] - target)/distance."""
-    for i in range(nodes.shape[0]):
-        for k in ti.static(range(3)):
-            p = ti.cast(positions[nodes[i], k], ti.f64)
-            points[first + i, k] = ti.cast((p - target[k]) / distance, ti.f32)
+    """Places in the picture of all vertices, and normals of those of surfaces.
 
-
-@ti.kernel
-def vertex_normals(
-    points: Vectors, triangles: Triples, starts: Integers, corners: Integers, normals: Vectors
-):
-    """Angle-weighted normals (Thürmer and Wüthrich 1998), each vertex gathering its corners."""
-    for i in range(normals.shape[0]):
+    Each vertex gathers its corners, weighted by sine/(|a| |b|): exact on spheres (Max 1999).
+    """
+    for i in range(vertices.shape[1]):
+        p = vertices[PLACE, i]
+        inverse = 1.0 / affine(stage[TO_W], p)
+        x, y = affine(stage[TO_X], p), affine(stage[TO_Y], p)
+        vertices[SCREEN, i] = vec3(x * inverse, y * inverse, inverse)
+    for i in range(starts.shape[0] - 1):
         n = vec3(0.0, 0.0, 0.0)
+        p = vertices[PLACE, i]
         for j in range(starts[i], starts[i + 1]):
             t, k = corners[j] // 3, corners[j] % 3
-            p = vector(points, triangles[t, k])
-            a = vector(points, triangles[t, (k + 1) % 3]) - p
-            b = vector(points, triangles[t, (k + 2) % 3]) - p
-            n += ti.atan2(a.cross(b).norm(), a.dot(b)) * safe_unit(a.cross(b))
-        n = safe_unit(n)
-        for k in ti.static(range(3)):
-            normals[i, k] = n[k]
+            abc = primitives[t]
+            one, two = abc[1], abc[2]
+            if k == 1:
+                one, two = abc[2], abc[0]
+            elif k == 2:
+                one, two = abc[0], abc[1]
+            a, b = vertices[PLACE, one] - p, vertices[PLACE, two] - p
+            n += a.cross(b) / ti.max(a.norm_sqr() * b.norm_sqr(), 1e-30)
+        vertices[NORMAL, i] = safe_unit(n)

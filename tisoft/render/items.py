@@ -39,7 +39,8 @@ class Surface:
     """Triangles, shape (t, 3), over positions [m]; drawn from both sides.
 
     `color` is one sRGB colour in 0..1 or one per node, shape (nodes, 3); `shine` scales the
-    highlight; `wireframe` draws the triangles' edges.
+    highlight; `wireframe` draws the triangles' edges; `translucent`, 0 to 1, lets light through
+    where it is thin.
     """
 
     positions: Any
@@ -47,6 +48,7 @@ class Surface:
     color: ArrayLike = (0.8, 0.8, 0.8)
     wireframe: bool = False
     shine: float = 1.0
+    translucent: float = 0.0
 
     @cached_property
     def smooth(self) -> SmoothVertices:
@@ -72,7 +74,7 @@ class Capsules:
     color: ArrayLike = (0.8, 0.8, 0.8)
     shine: float = 1.0
 
-    def end_colors(self) -> Colors:
+    def vertex_colors(self) -> Colors:
         """Linear colours, one row, or two per capsule: of its first and its second end."""
         colors = np.atleast_2d(np.asarray(self.color))
         if len(colors) == 1:
@@ -99,7 +101,7 @@ class Spheres:
     nodes: NDArray[np.int32] | None = None
     shine: float = 1.0
 
-    def end_colors(self) -> Colors:
+    def vertex_colors(self) -> Colors:
         """Linear colours, one row, or two equal ones per sphere."""
         colors = np.atleast_2d(np.asarray(self.color))
         return to_linear(colors if len(colors) == 1 else np.repeat(colors, 2, axis=0))

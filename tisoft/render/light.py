@@ -1,235 +1,176 @@
 # mypy: ignore-errors
-"""Shadows of one broad lamp, and the dimness of the ground close to what stands on it.
+"""The lamp: a map of what it sees, and what shadows and soft matter make of its light on bodies.
 
 A map holds, on a square grid, the largest third coordinate of an affine frame over what is drawn:
-towards the lamp for the shadow map, towards the ground for the map of undersides. Penumbrae widen
-with the distance from what casts them (percentage-closer soft shadows, Fernando 2005).
+towards the lamp for its shadows, downwards for the dimness of the ground.  Penumbrae widen with the
+distance from what casts them (percentage-closer soft shadows, Fernando 2005).
 """
 
 import taichi as ti
 
-from tisoft.render.geometry import Scalars, Triples, Vectors, mat34, row, vec3, vec3d, vector
-from tisoft.render.raster import clamped, edge_functions, vec4i
+from tisoft.render.geometry import Primitives, Rows, Tables, Vertices, affine, vec2, vec3
+from tisoft.render.layout import (
+    CELLS,
+    DISC,
+    EMPTY,
+    HOLLOWS,
+    LAMP_MAP,
+    LAMP_SIZE,
+    PLACE,
+    SEARCH,
+    TAPS,
+)
+from tisoft.render.scanlines import first_at_least, gradient, slope, sorted_corners, span
 
-EMPTY = -1e9  # of a texel above which there is nothing
-CELL = 32  # texels along a coarse cell, which knows the largest value in its neighbourhood
-REACH = 24.0  # widest penumbra on the ground, in texels; below CELL: a neighbourhood holds it
-REACH_ON_BODIES = 9.0
-LAMP = 0.075  # tangent of the lamp's half angle
-SEARCH = 120  # samples in search of what casts a penumbra on the ground
-SEARCH_ON_BODIES = 12
-TAPS = 24  # samples of a penumbra on a body
-STRIDE = 2  # every so many samples, one is taken first
-SHARPEST = 1.5  # narrowest penumbra, in texels
-GROUND_TAPS = 64  # on the ground, whose shadow is wide and is computed once a texel
-
-Grid = Vectors
-
-# The lamp: unit direction towards it, the frame of its map (third row: towards the lamp), and the
-# side of a texel; lengths in distances from the eye to the target.
-Lamp = ti.types.struct(direction=vec3, frame=mat34, texel=ti.f32)
+SPREAD = 0.075  # tangent of the lamp's half angle
+REACH = 9.0  # widest penumbra on a body, in texels
+SHARPEST = 1.5  # narrowest
+FEW = 4  # taps that settle most places, where they and the search agree
+BORDER = 12.0  # texels that are empty around a map
 
 
 @ti.kernel
-def map_triangles(points: Vectors, triangles: Triples, count: ti.i32, frame: mat34, grid: Grid):
-    ti.loop_config(block_dim=64)
+def clear_map(size: ti.i32, table: ti.i32, tables: Tables):
+    for i in range(size * size):
+        tables[table, i] = EMPTY
+
+
+@ti.kernel
+def map_triangles(
+    vertices: Vertices, primitives: Primitives, count: ti.i32, stage: Rows, rows: ti.i32,
+    table: ti.i32, tables: Tables,
+):  # fmt: skip
+    """Put triangles on an empty map, whose frame is three rows of the stage from `rows` on."""
     for t in range(count):
-        a = vector(points, triangles[t, 0])
-        b = vector(points, triangles[t, 1])
-        c = vector(points, triangles[t, 2])
-        p0, p1, p2 = on_map(frame, a), on_map(frame, b), on_map(frame, c)
-        e0, e1, e2, det = edge_functions(p0, p1, p2)
-        height = vec3d(row(frame, 2, a), row(frame, 2, b), row(frame, 2, c)) / det
-        box = vec4i(0, 0, 0, 0)
-        if det > 0.0:
-            box = clamped(
-                ti.min(p0[0], p1[0], p2[0]), ti.min(p0[1], p1[1], p2[1]),
-                ti.max(p0[0], p1[0], p2[0]), ti.max(p0[1], p1[1], p2[1]),
-                grid.shape[1], grid.shape[0],
-            )  # fmt: skip
-        for y in range(box[1], box[3]):
-            for x in range(box[0], box[2]):
-                s = vec3d(ti.cast(x, ti.f64) + 0.5, ti.cast(y, ti.f64) + 0.5, 1.0)
-                inside = vec3d(e0.dot(s), e1.dot(s), e2.dot(s))
-                if inside.min() >= 0.0:
-                    ti.atomic_max(grid[y, x], ti.cast(inside.dot(height), ti.f32))
+        abc, size = primitives[t], ti.cast(stage[LAMP_SIZE + table][0], ti.i32)
+        p = on_map(stage, rows, vertices[PLACE, abc[0]])
+        q = on_map(stage, rows, vertices[PLACE, abc[1]])
+        r = on_map(stage, rows, vertices[PLACE, abc[2]])
+        zx, zy, good = gradient(p, q, r)
+        p, q, r = sorted_corners(p, q, r)
+        if good and p[1] > -1e6 and r[1] < 1e6:
+            long, upper, lower = slope(p, r), slope(p, q), slope(q, r)
+            side = ti.cast(size, ti.f32)
+            y0 = first_at_least(p[1] - 0.5, 0.0, side)
+            y1 = first_at_least(r[1] - 0.5, 0.0, side)
+            for y in range(y0, y1):
+                left, right = span(y + 0.5, p, q, long, upper, lower)
+                x0 = first_at_least(left - 0.5, 0.0, side)
+                x1 = first_at_least(right - 0.5, 0.0, side)
+                z = p[2] + (y + 0.5 - p[1]) * zy + (0.5 - p[0]) * zx
+                for x in range(x0, x1):
+                    h = z + x * zx
+                    if h > tables[table, y * size + x]:
+                        ti.atomic_max(tables[table, y * size + x], h)
 
 
 @ti.func
-def on_map(frame: ti.template(), q):
-    return vec3d(row(frame, 0, q), row(frame, 1, q), 1.0)
-
-
-@ti.kernel
-def map_capsules(
-    points: Vectors,
-    first_end: ti.i32,
-    radii: Scalars,
-    count: ti.i32,
-    frame: mat34,
-    texel: ti.f32,
-    grid: Grid,
-):
-    """Capsules as flat bands as wide as they are: enough for their shadow."""
-    ti.loop_config(block_dim=64)
-    for i in range(count):
-        a, b = vector(points, first_end + 2 * i), vector(points, first_end + 2 * i + 1)
-        ax, ay, az = row(frame, 0, a), row(frame, 1, a), row(frame, 2, a)
-        bx, by, bz = row(frame, 0, b), row(frame, 1, b), row(frame, 2, b)
-        r = ti.max(radii[i] / texel, 0.6)  # thin springs keep a shadow without holes
-        box = clamped(
-            ti.min(ax, bx) - r, ti.min(ay, by) - r, ti.max(ax, bx) + r, ti.max(ay, by) + r,
-            grid.shape[1], grid.shape[0],
-        )  # fmt: skip
-        dx, dy = bx - ax, by - ay
-        length = ti.max(dx * dx + dy * dy, 1e-12)
-        for y in range(box[1], box[3]):
-            for x in range(box[0], box[2]):
-                px, py = ti.cast(x, ti.f32) + 0.5 - ax, ti.cast(y, ti.f32) + 0.5 - ay
-                u = ti.min(ti.max((px * dx + py * dy) / length, 0.0), 1.0)
-                if (px - u * dx) ** 2 + (py - u * dy) ** 2 <= r * r:
-                    ti.atomic_max(grid[y, x], az + u * (bz - az))
-
-
-@ti.kernel
-def coarsen(grid: Grid, coarse: Grid):
-    """Largest value of a cell and of the cells around it."""
-    for i, j in ti.ndrange(coarse.shape[0], coarse.shape[1]):
-        top = EMPTY
-        for y in range(ti.max(0, (i - 1) * CELL), ti.min(grid.shape[0], (i + 2) * CELL)):
-            for x in range(ti.max(0, (j - 1) * CELL), ti.min(grid.shape[1], (j + 2) * CELL)):
-                top = ti.max(top, grid[y, x])
-        coarse[i, j] = top
+def on_map(stage: ti.template(), rows, p):
+    return vec3(affine(stage[rows], p), affine(stage[rows + 1], p), affine(stage[rows + 2], p))
 
 
 @ti.func
-def closer(grid: ti.template(), x, y, height):
-    """Share of the four texels around (x, y) that lie above a height, bilinear."""
+def share_above(x, y, size, height, tables: ti.template()):
+    """Share of the four texels around a place of the lamp's map that lie above a height."""
     x0, y0 = ti.floor(x - 0.5), ti.floor(y - 0.5)
     fx, fy = x - 0.5 - x0, y - 0.5 - y0
-    j0, i0 = ti.cast(x0, ti.i32), ti.cast(y0, ti.i32)
-    share = 0.0
-    for di, dj in ti.static(ti.ndrange(2, 2)):
-        i = ti.min(ti.max(i0 + di, 0), grid.shape[0] - 1)
-        j = ti.min(ti.max(j0 + dj, 0), grid.shape[1] - 1)
-        if grid[i, j] > height:
-            share += (fx if dj else 1.0 - fx) * (fy if di else 1.0 - fy)
-    return share
+    at = ti.cast(y0, ti.i32) * size + ti.cast(x0, ti.i32)
+    low, high = 0.0, 0.0
+    if tables[LAMP_MAP, at] > height:
+        low += 1.0 - fx
+    if tables[LAMP_MAP, at + 1] > height:
+        low += fx
+    if tables[LAMP_MAP, at + size] > height:
+        high += 1.0 - fx
+    if tables[LAMP_MAP, at + size + 1] > height:
+        high += fx
+    return low * (1.0 - fy) + high * fy
 
 
 @ti.func
-def penumbra(
-    x, y, plane, reach, first, count, lamp: ti.template(), grid: ti.template(),
-    disc: ti.template(),
-):  # fmt: skip
-    """Radius, in texels, of what casts a shadow on the place (x, y) of a plane of the map.
+def inside(x, size):
+    """A place of the map, moved away from its rim."""
+    return ti.min(ti.max(x, BORDER), size - BORDER - 1.0)
 
-    The plane has the height plane·(x, y, 1); the samples of the disc are `count` from `first` on.
-    """
-    last = grid.shape[0] - 1
+
+@ti.func
+def lit(place, stage: ti.template(), tables: ti.template()):
+    """Share of the lamp that a place (texels, texels, height) of its map sees."""
+    size, texel = ti.cast(stage[LAMP_SIZE][0], ti.i32), stage[LAMP_SIZE][1]
+    x, y, height = inside(place[0], size), inside(place[1], size), place[2]
+    at = ti.cast(y, ti.i32) * size + ti.cast(x, ti.i32)
     total, found = 0.0, 0
-    for k in range(first, first + count):
-        px, py = x + reach * disc[k, 0], y + reach * disc[k, 1]
-        j = ti.min(ti.max(ti.cast(px, ti.i32), 0), last)
-        i = ti.min(ti.max(ti.cast(py, ti.i32), 0), last)
-        above = grid[i, j] - (plane[0] * px + plane[1] * py + plane[2])
-        # Only what is far enough above to throw its penumbra as far as this sample counts.
-        if above > 0.0 and above * LAMP >= (disc[k, 2] * reach - 2.0) * lamp.texel:
+    for k in range(SEARCH):
+        way = stage[DISC + k]
+        above = tables[LAMP_MAP, at + ti.cast(way[3], ti.i32)] - height
+        # Only what is far enough above to throw its penumbra as far as this.
+        if above > 0.0 and above * SPREAD >= (way[2] - 2.0) * texel:
             total += above
             found += 1
-    return ti.min(ti.max(LAMP * total / (ti.max(found, 1) * lamp.texel), SHARPEST), reach)
-
-
-@ti.func
-def covered(x, y, plane, radius, first, count, grid: ti.template(), disc: ti.template()):
-    """Share of a disc around the place (x, y) of the map that lies above a plane."""
-    share, few = 0.0, count // STRIDE
-    for n in range(few):
-        share += above_plane(x, y, radius, first + STRIDE * n, plane, grid, disc)
-    if 0.0 < share < few:
-        for k in range(first, first + count):
-            if (k - first) % STRIDE != 0:
-                share += above_plane(x, y, radius, k, plane, grid, disc)
-    else:  # most places are wholly lit or wholly dark: the first few samples tell
-        share *= STRIDE
-    return share / count
-
-
-@ti.func
-def above_plane(x, y, radius, k, plane, grid: ti.template(), disc: ti.template()):
-    """Share of the texels at sample k of a disc that lie above a plane."""
-    px, py = x + radius * disc[k, 0], y + radius * disc[k, 1]
-    return closer(grid, px, py, plane[0] * px + plane[1] * py + plane[2])
-
-
-@ti.func
-def near_shadow(x, y, height, coarse: ti.template()):
-    """Whether anything close to the place (x, y) of the map lies above a height."""
-    i, j = ti.cast(y, ti.i32) // CELL, ti.cast(x, ti.i32) // CELL
-    answer = False
-    if x >= 0.0 and y >= 0.0 and i < coarse.shape[0] and j < coarse.shape[1]:
-        answer = coarse[i, j] > height
-    return answer
-
-
-@ti.func
-def lit(q, lamp: ti.template(), grid: ti.template(), coarse: ti.template(), disc: ti.template()):
-    """Share of the lamp that a point of a body sees."""
-    x, y, height = row(lamp.frame, 0, q), row(lamp.frame, 1, q), row(lamp.frame, 2, q)
-    share = 1.0
-    if near_shadow(x, y, height, coarse):
-        level = vec3(0.0, 0.0, height)
-        radius = penumbra(x, y, level, REACH_ON_BODIES, 0, SEARCH_ON_BODIES, lamp, grid, disc)
-        share -= covered(x, y, level, radius, SEARCH_ON_BODIES, TAPS, grid, disc)
-    return share
-
-
-@ti.func
-def bilinear(grid: ti.template(), x, y):
-    """Value of a map at a place of it, between texels; 0 outside."""
-    u, v = x - 0.5, y - 0.5
-    value = 0.0
-    if 0.0 <= u < grid.shape[1] - 1 and 0.0 <= v < grid.shape[0] - 1:
-        j, i = ti.cast(u, ti.i32), ti.cast(v, ti.i32)
-        fx, fy = u - j, v - i
-        low = grid[i, j] * (1.0 - fx) + grid[i, j + 1] * fx
-        high = grid[i + 1, j] * (1.0 - fx) + grid[i + 1, j + 1] * fx
-        value = low * (1.0 - fy) + high * fy
-    return value
-
-
-@ti.func
-def near_plane_shadow(x, y, plane, coarse: ti.template()):
-    slack = CELL * (ti.abs(plane[0]) + ti.abs(plane[1]))  # how much lower it may be near by
-    return near_shadow(x, y, plane[0] * x + plane[1] * y + plane[2] - slack, coarse)
+    radius = ti.min(ti.max(SPREAD * total / (ti.max(found, 1) * texel), SHARPEST), REACH)
+    hidden = 0.0
+    for k in range(TAPS):
+        way = stage[DISC + SEARCH + k]
+        hidden += share_above(x + radius * way[0], y + radius * way[1], size, height, tables)
+        if k == FEW - 1:
+            bright, dark = hidden == 0.0 and found == 0, hidden == FEW and found == SEARCH
+            if bright or dark:
+                hidden *= TAPS / FEW
+                break
+    return 1.0 - hidden / TAPS
 
 
 @ti.kernel
-def soften_plane(plane: vec3, lamp: Lamp, grid: Grid, coarse: Grid, disc: Vectors, radii: Grid):
-    """Radii of the penumbrae on a plane, on a coarser map: they vary slowly."""
-    ti.loop_config(block_dim=64)
-    for place in range(radii.shape[0] * radii.shape[1]):
-        i, j = place // radii.shape[1], place % radii.shape[1]
-        step = ti.cast(grid.shape[0] // radii.shape[0], ti.f32)
-        x, y = (j + 0.5) * step, (i + 0.5) * step
-        radius = SHARPEST
-        if near_plane_shadow(x, y, plane, coarse):
-            first = SEARCH_ON_BODIES + TAPS
-            radius = penumbra(x, y, plane, REACH, first, SEARCH, lamp, grid, disc)
-        radii[i, j] = radius
+def average_cells(stage: Rows, tables: Tables):
+    """Of the cells of the lamp's map: the share that is covered, and that times the mean height."""
+    for i in range(CELLS * CELLS):
+        size = ti.cast(stage[LAMP_SIZE][0], ti.i32)
+        side = size // CELLS
+        y, x = i // CELLS * side, i % CELLS * side
+        many, total = 0.0, 0.0
+        for v in range(y, y + side):
+            for u in range(x, x + side):
+                if tables[LAMP_MAP, v * size + u] > 0.5 * EMPTY:
+                    many += 1.0
+                    total += tables[LAMP_MAP, v * size + u]
+        tables[HOLLOWS, 2 * i] = many / (side * side)
+        tables[HOLLOWS, 2 * i + 1] = total / (side * side)
+
+
+@ti.func
+def blur_cell(i, source, target, tables: ti.template()):
+    y = ti.min(ti.max(i // 2 // CELLS, 1), CELLS - 2)
+    x = ti.min(ti.max(i // 2 % CELLS, 1), CELLS - 2)
+    total = 0.0
+    for dy, dx in ti.static(ti.ndrange((-1, 2), (-1, 2))):
+        weight = 0.0625 * (2 - dy * dy) * (2 - dx * dx)
+        total += weight * tables[HOLLOWS, source + 2 * ((y + dy) * CELLS + x + dx) + i % 2]
+    tables[HOLLOWS, target + i] = total
 
 
 @ti.kernel
-def light_plane(plane: vec3, grid: Grid, coarse: Grid, disc: Vectors, radii: Grid, shade: Grid):
-    """Share of the lamp hidden from a plane below all that is drawn, at every texel of the map."""
-    ti.loop_config(block_dim=256)
-    for texel in range(shade.shape[0] * shade.shape[1]):
-        i, j = texel // shade.shape[1], texel % shade.shape[1]
-        x, y = ti.cast(j, ti.f32) + 0.5, ti.cast(i, ti.f32) + 0.5
-        share = 0.0
-        if near_plane_shadow(x, y, plane, coarse):
-            step = ti.cast(grid.shape[0] // radii.shape[0], ti.f32)
-            radius = ti.max(bilinear(radii, x / step, y / step), SHARPEST)
-            first = SEARCH_ON_BODIES + TAPS + SEARCH
-            share = covered(x, y, plane, radius, first, GROUND_TAPS, grid, disc)
-        shade[i, j] = share
+def blur_cells(tables: Tables):
+    """Two passes of a tent of 3 x 3 cells, to the second half of their room and back."""
+    for i in range(2 * CELLS * CELLS):
+        blur_cell(i, 0, 2 * CELLS * CELLS, tables)
+    for i in range(2 * CELLS * CELLS):
+        blur_cell(i, 2 * CELLS * CELLS, 0, tables)
+
+
+@ti.func
+def depth_below(place, stage: ti.template(), tables: ti.template()):
+    """How far a place of the lamp's map lies below what surrounds it, blurred.
+
+    It is the depth of hollows, and on the dark side about the matter that light passes.
+    """
+    per = CELLS / stage[LAMP_SIZE][0]
+    u = ti.min(ti.max(place[0] * per - 0.5, 0.0), CELLS - 1.001)
+    v = ti.min(ti.max(place[1] * per - 0.5, 0.0), CELLS - 1.001)
+    j, i = ti.cast(u, ti.i32), ti.cast(v, ti.i32)
+    fx, fy = u - j, v - i
+    c = vec2(0.0, 0.0)
+    for dy, dx in ti.static(ti.ndrange(2, 2)):
+        at = 2 * ((i + dy) * CELLS + j + dx)
+        share = (fx if dx else 1.0 - fx) * (fy if dy else 1.0 - fy)
+        c += share * vec2(tables[HOLLOWS, at], tables[HOLLOWS, at + 1])
+    return ti.max(c[1] - c[0] * place[2], 0.0)

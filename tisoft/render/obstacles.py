@@ -13,7 +13,7 @@ CELLS = 16  # cells along a side; large triangles would keep one thread busy for
 
 def sphere_surface(center: ArrayLike, radius: float, *, color: ArrayLike = GREY) -> Surface:
     """A sphere: a cube's grid, blown up; lengths in metres."""
-    points, triangles = _cube(12)
+    points, triangles = cube(12)
     points = np.tan(points * np.pi / 4)
     points *= radius / np.linalg.norm(points, axis=1, keepdims=True)
     return Surface(points + np.asarray(center, float), triangles, color, shine=0.5)
@@ -21,7 +21,7 @@ def sphere_surface(center: ArrayLike, radius: float, *, color: ArrayLike = GREY)
 
 def box_surface(center: ArrayLike, size: ArrayLike, *, color: ArrayLike = GREY) -> Surface:
     """A box along the axes; centre and size (3 lengths) in metres."""
-    points, triangles = _cube(CELLS)
+    points, triangles = cube(CELLS)
     points = points * np.asarray(size, float) / 2 + np.asarray(center, float)
     return Surface(points, triangles, color, shine=0.5)
 
@@ -49,7 +49,7 @@ def _patch(
     return points, triangles.astype(np.int32)
 
 
-def _cube(cells: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def cube(cells: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """The surface of [-1, 1]³, nodes shared between its sides, outward."""
     axes = np.eye(3)
     sides = []

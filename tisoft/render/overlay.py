@@ -76,7 +76,8 @@ def draw_color_bar(picture: Picture, bar: ColorBar) -> Picture:
     left, bottom = right - round(0.75 * unit), round(height * 0.5 + top * 0.5)
     strip = table(bar.name)[::-1][np.linspace(0, 255, bottom - top).astype(int)]
     out = picture.copy()
-    out[top:bottom, left:right] = np.round(255.0 * strip[:, None, :]).astype(np.uint8)
+    out[top:bottom, left:right, :3] = np.round(255.0 * strip[:, None, :]).astype(np.uint8)
+    out[top:bottom, left:right, 3:] = 255
     image = Image.fromarray(out)
     draw = ImageDraw.Draw(image)
     draw.rectangle((left, top, right - 1, bottom - 1), outline=INK)

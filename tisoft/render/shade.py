@@ -1,252 +1,276 @@
 # mypy: ignore-errors
 """From what every sample sees to the picture: materials, light, and averaging in linear light.
 
-Like multisampling on a GPU, a pixel is shaded once for every primitive that its samples see, at
-the middle of those samples.
+A pixel is shaded once for each surface in it, at the middle of the samples that see it; two
+surfaces are told apart, by item, normal and depth, and further ones join the second.
 """
+
+from functools import cache
+from typing import Any
 
 import taichi as ti
 
+from tisoft.render.backdrop import Colors, Pixels, encode
 from tisoft.render.geometry import (
     Integers,
     Keys,
-    Scalars,
-    Triples,
-    Vectors,
-    View,
-    ray,
-    row,
+    Primitives,
+    Rows,
+    Tables,
+    Vertices,
+    affine,
+    on,
     safe_unit,
-    to_samples,
     vec3,
-    vec3d,
-    vector,
+    vec4,
 )
-from tisoft.render.ground import FADE, TILE, Ground, dimness, inverse_depth, tiles
-from tisoft.render.light import Lamp, bilinear, lit
-from tisoft.render.raster import capsule_hit, edge_functions
+from tisoft.render.ground import bilinear, dimness
+from tisoft.render.layout import (
+    DIM,
+    GROUND_SIZE,
+    ITEMS,
+    LAMP_SIZE,
+    ON_GROUND_X,
+    ON_GROUND_Y,
+    ON_LAMP_X,
+    ON_LAMP_Y,
+    PLACES,
+    SHADOW,
+    SIZES,
+    TILE,
+)
+from tisoft.render.light import depth_below, lit
+from tisoft.render.surfaces import (
+    add,
+    alike,
+    nothing,
+    on_capsule,
+    on_triangle,
+    ray,
+    sight_of,
+)
 
-SKY, FLOOR = -1, -2  # what a sample sees besides primitives
 KEY = 0.80  # of the lamp on a surface that faces it
 AMBIENT = 0.40  # of the sky on the ground
-LINE = 0.55  # half width of a wireframe's lines, in pixels of a picture 720 high
+HOLLOW, HOLLOW_REACH = 0.4, 24.0  # share of the sky that hollows lose; texels where they have
+THROUGH, THROUGH_REACH = 1.0, 40.0  # light through thin parts, and texels that take most of it
+COOL = vec3(0.96, 0.99, 1.05)  # tint of what the lamp does not reach
+DARK = 0.999  # factor below which the ground is drawn anew
+SINK = 0.9998  # a body at rest on the ground may sink in a little
 
-Bytes = ti.types.ndarray(dtype=ti.u8, ndim=1)
-Pixels = ti.types.ndarray(dtype=ti.u8, ndim=2)
-Surfel = ti.types.struct(normal=vec3, base=vec3, shine=ti.f32)
-
-
-@ti.func
-def backdrop(x, y):
-    """Linear colour of the background; x and y run over the picture from 0 to 1."""
-    u = ti.min(ti.max(y, 0.0), 1.0)
-    u = u * u * (3.0 - 2.0 * u)
-    color = vec3(0.46, 0.55, 0.66) * (1.0 - u) + vec3(0.80, 0.81, 0.82) * u
-    return color * (1.0 - 0.30 * ((x - 0.5) ** 2 + (y - 0.55) ** 2))
+AlphaPixels = ti.types.ndarray(dtype=ti.types.vector(4, ti.u8), ndim=1)
 
 
 @ti.func
-def reflected(s: ti.template(), to_eye, up, lamp: ti.template(), share, dim):
-    """Light towards the eye from a satin surface, of which a share of the lamp is seen."""
-    n = s.normal
+def reflected(s: ti.template(), to_eye, up, lamp, light, material):
+    """Light towards the eye from a satin surface.
+
+    `light`: shares of the lamp that is seen, of the sky that the ground and that hollows hide, and
+    of the lamp's light that comes through from behind.
+    """
+    n, base, share, dim = s.normal, s.base, light[0], light[1]
     facing = ti.max(n.dot(to_eye), 0.0)
     # Light enters and leaves soft matter elsewhere: the terminator is wide and saturated.
-    wrap = 0.08 + 0.22 * s.base
-    direct = ti.max((n.dot(lamp.direction) + wrap) / (1.0 + wrap), 0.0)
+    # This is (n·l + w)/(1 + w) with w = .08 + .22 base, without the division.
+    direct = ti.max(1.0 - (1.0 - n.dot(lamp)) * (0.926 - 0.157 * base), 0.0)
     key = KEY * vec3(1.0, 0.97, 0.92) * direct * (0.04 + 0.96 * share)
     height = 0.5 + 0.5 * n.dot(up)
-    sky, bounce = vec3(0.30, 0.34, 0.40), vec3(0.24, 0.23, 0.215)
-    ambient = sky * height + bounce * (1.0 - height) * (1.0 - 0.85 * dim)
-    fill = 0.10 * facing
-    half = safe_unit(lamp.direction + to_eye)
-    gloss = ti.max(n.dot(half), 0.0) ** 2
-    gloss = gloss * gloss * gloss * gloss
-    broad = gloss
-    gloss = gloss * gloss
-    gloss = gloss * gloss
-    gloss = gloss * gloss
+    ambient = vec3(0.30, 0.34, 0.40) * height * (1.0 - HOLLOW * light[2])
+    ambient += vec3(0.24, 0.23, 0.215) * (1.0 - height) * (1.0 - 0.85 * dim)
+    half = ti.max(n.dot(safe_unit(lamp + to_eye)), 0.0) ** 2
+    broad = half * half * half * half
+    gloss = broad * broad * broad * broad * broad * broad * broad * broad
     edge = (1.0 - facing) ** 2
-    rim = edge * edge * 0.30 * height * (1.0 - 0.7 * dim)
-    spark = (0.22 * gloss + 0.05 * broad) * share
-    return s.base * (key + ambient + fill) + s.shine * (spark + rim * vec3(0.85, 0.93, 1.0))
+    rim = edge * edge * 0.18 * height * (1.0 - 0.7 * dim) * vec3(0.85, 0.93, 1.0)
+    spark = (0.30 * gloss + 0.05 * broad) * share
+    through = THROUGH * light[3] * material[3] * base  # tinted twice by what it passed
+    return base * (key + ambient + 0.10 * facing + through) + material[1] * (spark + rim)
 
 
 @ti.func
-def knee(c):
-    """Rolls off what is brighter than the picture can show."""
-    out = c
-    for k in ti.static(range(3)):
-        if c[k] > 0.75:
-            out[k] = 1.0 - 0.25 * ti.exp(-(c[k] - 0.75) / 0.25)
-    return out
-
-
-@ti.func
-def on_triangle(
-    t, x, y, wire, view: ti.template(), points: ti.template(), normals: ti.template(),
-    colors: ti.template(), triangles: ti.template(),
+def body_light(
+    x, y, total: ti.template(), sight: ti.template(), stage: ti.template(), tables: ti.template()
 ):  # fmt: skip
-    """Normal, colour and depth at a place of the picture; wire tells whether to draw the edges."""
-    i0, i1, i2 = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-    p0 = to_samples(view, vector(points, i0))
-    p1 = to_samples(view, vector(points, i1))
-    p2 = to_samples(view, vector(points, i2))
-    e0, e1, e2, det = edge_functions(p0, p1, p2)
-    s = vec3d(x, y, 1.0)
-    g = vec3d(e0.dot(s), e1.dot(s), e2.dot(s))
-    total = ti.max(g.sum(), 1e-300)
-    b = ti.cast(g / total, ti.f32)
-    n = safe_unit(
-        b[0] * vector(normals, i0) + b[1] * vector(normals, i1) + b[2] * vector(normals, i2)
-    )
-    base = b[0] * vector(colors, i0) + b[1] * vector(colors, i1) + b[2] * vector(colors, i2)
-    if p0.dot(p1.cross(p2)) > 0.0:  # seen from behind: y runs downward in the picture
-        n = -n
-    if wire > 0.5:
-        slope = e0 + e1 + e2
-        gap = 1e9
-        for k in ti.static(range(3)):
-            e = (e0, e1, e2)[k]
-            dx = (e[0] - b[k] * slope[0]) / total
-            dy = (e[1] - b[k] * slope[1]) / total
-            gap = ti.min(gap, b[k] / ti.cast(ti.sqrt(dx * dx + dy * dy) + 1e-30, ti.f32))
-        half = LINE * ti.max(view.height / (720.0 * view.per_pixel), 1.0)
-        ink = ti.min(ti.max(half + 0.5 - gap / view.per_pixel, 0.0), 1.0)
-        base *= 1.0 - 0.82 * ink
-    return n, base, ti.cast(det / total, ti.f32)
-
-
-@ti.func
-def floor_color(
-    back, q, x, y, view: ti.template(), lamp: ti.template(), ground: ti.template(),
-    floor_shadow: ti.template(), dim: ti.template(),
-):  # fmt: skip
-    step = ti.cast(view.per_pixel, ti.f32)
-    color = back
-    away = (q - view.eye).norm() - 1.0
-    fade = ti.exp(-ti.max(away, 0.0) / FADE)
-    wx, wy = inverse_depth(ground, x + step, y), inverse_depth(ground, x, y + step)
-    if wx > 0.0 and wy > 0.0:
-        qx, qy = view.eye + ray(view, x + step, y) / wx, view.eye + ray(view, x, y + step) / wy
-        color *= 1.0 + TILE * fade * tiles(ground, q, qx, qy)
-    lamp_part = KEY * ti.max(ground.normal.dot(lamp.direction), 0.0)
-    share = 1.0 - bilinear(floor_shadow, row(lamp.frame, 0, q), row(lamp.frame, 1, q))
-    hidden = dimness(q, ground, dim)
-    light = (lamp_part * share + AMBIENT * (1.0 - 0.9 * hidden)) / (lamp_part + AMBIENT)
-    cool = vec3(0.96, 0.99, 1.05)
-    return color * light * (cool * (1.0 - light) + light)
-
-
-@ti.func
-def seen(key, x, y, ground: ti.template()):
-    """Primitive that a sample sees, or FLOOR, or SKY."""
-    what = ti.cast(key, ti.i32)  # the low half
-    depth = ti.bit_cast(ti.cast(key >> 32, ti.i32), ti.f32)
-    floor = inverse_depth(ground, x, y)
-    if key == 0:
-        what = SKY
-    if floor * 0.9998 > depth:  # a body at rest on the ground may sink in a little
-        what = FLOOR
-    return what
-
-
-@ti.func
-def alike(
-    what, k, left, top, view: ti.template(), keys: ti.template(), ground: ti.template()
-):  # fmt: skip
-    """How many samples of a pixel see the same, their middle, and whether one precedes sample k."""
-    count, x, y, again = 0.0, 0.0, 0.0, False
-    for j in range(view.per_pixel * view.per_pixel):
-        xj, yj = left + j % view.per_pixel, top + j // view.per_pixel
-        if what == seen(keys[yj * view.width + xj], xj + 0.5, yj + 0.5, ground):
-            again = again or j < k
-            count += 1.0
-            x += xj + 0.5
-            y += yj + 0.5
-    return count, x / count, y / count, again
-
-
-@ti.func
-def on_capsule(
-    i, first_end, eye, d, points: ti.template(), colors: ti.template(), radii: ti.template()
-):  # fmt: skip
-    """Normal, colour and depth where a ray meets capsule i."""
-    end = first_end + 2 * i
-    a, b = vector(points, end), vector(points, end + 1)
-    t, _ = capsule_hit(eye, d, a, b, radii[i])
-    q = eye + t * d
-    u = (q - a).dot(b - a) / ti.max((b - a).norm_sqr(), 1e-20)
-    u = ti.min(ti.max(u, 0.0), 1.0)
-    base = (1.0 - u) * vector(colors, end) + u * vector(colors, end + 1)
-    return safe_unit(q - a - u * (b - a)), base, t
-
-
-@ti.func
-def body_color(
-    s: ti.template(), q, d, lamp: ti.template(), shadow: ti.template(), coarse: ti.template(),
-    disc: ti.template(), ground: ti.template(), dim: ti.template(),
-):  # fmt: skip
-    """Light from a point of a body, against the ray d that met it."""
+    """Light of a surface in the pixel with the middle (x, y), times its weight."""
+    d = ray(sight, x, y)
     to_eye = -d.normalized()
-    bent = ti.max(0.02 - s.normal.dot(to_eye), 0.0)  # smooth normals may look away
-    s.normal = safe_unit(s.normal + bent * to_eye)
-    share = 0.0
-    if s.normal.dot(lamp.direction) > -0.3:  # start off the surface, which would shade itself
-        share = lit(q + 2.0 * lamp.texel * (s.normal + lamp.direction), lamp, shadow, coarse, disc)
-    return knee(reflected(s, to_eye, ground.normal, lamp, share, dimness(q, ground, dim)))
+    s = nothing()
+    q = sight.eye + total.depth / total.weight * d
+    n = safe_unit(total.normal)
+    s.normal = safe_unit(n + ti.max(0.02 - n.dot(to_eye), 0.0) * to_eye)  # it may look away
+    s.base = total.base / total.weight
+    facing = s.normal.dot(sight.lamp)
+    share, through = 0.0, 0.0
+    if facing > -0.2:  # start off the surface, which would shade itself
+        p = q + 2.0 * sight.texel * (s.normal + sight.lamp)
+        place = vec3(affine(sight.lamp_x, p), affine(sight.lamp_y, p), affine(sight.lamp_z, p))
+        share = lit(place, stage, tables) * ti.min(1.0 + 5.0 * facing, 1.0)
+    place = vec3(affine(sight.lamp_x, q), affine(sight.lamp_y, q), affine(sight.lamp_z, q))
+    material = stage[ITEMS + total.item]
+    depth = depth_below(place, stage, tables) / sight.texel
+    if material[3] > 0.0:
+        through = ti.exp(-depth / THROUGH_REACH) * ti.min(ti.max(0.4 - facing, 0.0), 1.0)
+    dim = dimness(q, sight.ground_x, sight.ground_y, stage[GROUND_SIZE][0], tables)
+    deep = ti.min(depth / HOLLOW_REACH, 1.0)
+    light = vec4(share, dim, deep, through)
+    return total.weight * reflected(s, to_eye, sight.up, sight.lamp, light, material)
 
 
-@ti.kernel
-def shade(
-    keys: Keys, view: View, points: Vectors, normals: Vectors, colors: Vectors,
-    triangles: Triples, item_of: Integers, items: Vectors, triangle_count: ti.i32,
-    first_end: ti.i32, radii: Scalars, lamp: Lamp, shadow: Vectors, coarse: Vectors,
-    disc: Vectors, ground: Ground, floor_shadow: Vectors, dim: Vectors, curve: Bytes,
-    picture: Pixels,
-):  # fmt: skip
-    """Colour of every pixel, by the curve from linear to sRGB; the keys are left empty."""
-    ti.loop_config(block_dim=256)
-    for pixel in range(picture.shape[0]):
-        side = view.per_pixel
-        left, top = (pixel % (view.width // side)) * side, (pixel // (view.width // side)) * side
-        empty, visits = True, 1
-        for k in range(side * side):
-            if keys[(top + k // side) * view.width + left + k % side] != 0:
-                empty, visits = False, side * side
-        total = vec3(0.0, 0.0, 0.0)
-        for k in range(visits):
-            xk, yk = left + k % side, top + k // side
-            what = seen(keys[yk * view.width + xk], xk + 0.5, yk + 0.5, ground)
-            count, x, y, again = 1.0, left + 0.5 * side, top + 0.5 * side, False
-            if not empty:
-                count, x, y, again = alike(what, k, left, top, view, keys, ground)
-            if not again:
-                color = backdrop(x / view.width, y / view.height)
-                d = ray(view, x, y)
-                if what == FLOOR:
-                    floor = inverse_depth(ground, x, y)
-                    if floor > 0.0:
-                        q = view.eye + d / floor
-                        color = floor_color(color, q, x, y, view, lamp, ground, floor_shadow, dim)
-                if what >= 0:
-                    s = Surfel(vec3(0.0, 0.0, 0.0), vec3(0.0, 0.0, 0.0), items[item_of[what], 1])
-                    t = 0.0
-                    if what < triangle_count:
-                        wire = items[item_of[what], 0]
-                        s.normal, s.base, t = on_triangle(
-                            what, x, y, wire, view, points, normals, colors, triangles
-                        )
+@ti.func
+def ground_light(x, y, sight: ti.template(), stage: ti.template(), tables: ti.template()):
+    """Factor on the background in the pixel with the middle (x, y); 1 without ground."""
+    factor, floor = 1.0, on(sight.floor, x, y)
+    if floor > 0.0:
+        w = 1.0 / floor
+        u, v = on(stage[ON_LAMP_X], x, y) * w, on(stage[ON_LAMP_Y], x, y) * w
+        share = ti.min(bilinear(u, v, stage[LAMP_SIZE][0], SHADOW, tables), 1.0)
+        u, v = on(stage[ON_GROUND_X], x, y) * w, on(stage[ON_GROUND_Y], x, y) * w
+        hidden = ti.min(bilinear(u, v, stage[GROUND_SIZE][0], DIM, tables), 1.0)
+        part = KEY * ti.max(sight.up.dot(sight.lamp), 0.0)
+        factor = 1.0 - (part * share + 0.9 * AMBIENT * hidden) / (part + AMBIENT)
+    return factor
+
+
+@cache
+def _blend(alpha: bool) -> Any:
+    """The function that puts light of bodies before the background, or before nothing."""
+
+    @ti.func
+    def before_nothing(color, rest, factor, sight: ti.template(), base, tables: ti.template()):
+        solid = 1.0 - rest / sight.samples
+        rgb = encode(color / (solid * sight.samples), tables)
+        return ti.Vector([rgb[0], rgb[1], rgb[2], ti.cast(255.0 * solid + 0.5, ti.u8)])
+
+    @ti.func
+    def before_sky(color, rest, factor, sight: ti.template(), base, tables: ti.template()):
+        """`rest`: samples that see the background, darkened by a factor."""
+        tint = COOL * (1.0 - factor) + factor
+        return encode((color + rest * tint * base) / sight.samples, tables)
+
+    return before_nothing if alpha else before_sky
+
+
+@cache
+def draw_kernel(*, capsules: bool, wires: bool, alpha: bool, together: bool) -> Any:
+    """The kernel that draws pictures with or without capsules and wires, and on a background or
+    with alpha; `together`: a tile is one iteration, for a CPU, or else a pixel, for a GPU."""
+    picture_type = AlphaPixels if alpha else Pixels
+    blend = _blend(alpha)
+    per_tile = 1 if together else TILE * TILE
+    per_job = TILE * TILE // per_tile
+
+    @ti.func
+    def look_at(
+        what, x, y, inverse_depth, sight: ti.template(), stage: ti.template(),
+        vertices: ti.template(), primitives: ti.template(),
+    ):  # fmt: skip
+        """What a sample at (x, y) sees of a primitive."""
+        s, abc = nothing(), primitives[what]
+        s.item, s.depth = abc[3], 1.0 / inverse_depth
+        if ti.static(not capsules):
+            s.normal, s.base = on_triangle(abc, x, y, wires, sight, stage, vertices)
+        elif abc[2] >= 0:
+            s.normal, s.base = on_triangle(abc, x, y, wires, sight, stage, vertices)
+        else:
+            s.normal, s.base = on_capsule(abc, s.depth, x, y, sight, vertices)
+        return s
+
+    @ti.func
+    def gather(
+        start, x, y, sight: ti.template(), stage: ti.template(), vertices: ti.template(),
+        primitives: ti.template(), keys: ti.template(),
+    ):  # fmt: skip
+        """The first surface that a pixel's samples see, and the others together; its keys begin at
+        `start` and are left empty."""
+        first, second = nothing(), nothing()
+        seen, many, now = -1, 0.0, nothing()
+        for k in range(sight.samples + 1):
+            what, inverse, sx, sy = -1, 0.0, 0.0, 0.0
+            if k < sight.samples:
+                at = start + k * TILE * TILE
+                key = keys[at]
+                if key != 0:
+                    keys[at] = 0
+                    sx, sy = x + stage[PLACES + k][0], y + stage[PLACES + k][1]
+                    inverse = ti.bit_cast(ti.cast(key >> 32, ti.i32), ti.f32)
+                    if on(sight.floor, sx, sy) * SINK <= inverse:
+                        what = ti.cast(key, ti.i32)
+            if what != seen or k == sight.samples:
+                if seen >= 0:
+                    if alike(now, first):
+                        add(many, now, first)
                     else:
-                        i = what - triangle_count
-                        s.normal, s.base, t = on_capsule(
-                            i, first_end, view.eye, d, points, colors, radii
-                        )
-                    q = view.eye + t * d
-                    color = body_color(s, q, d, lamp, shadow, coarse, disc, ground, dim)
-                total += count * color
-        if not empty:
-            for k in range(side * side):
-                keys[(top + k // side) * view.width + left + k % side] = 0
-        for c in ti.static(range(3)):
-            level = total[c] / visits * (curve.shape[0] - 1) + 0.5
-            picture[pixel, c] = curve[ti.cast(ti.min(ti.max(level, 0.0), 4095.0), ti.i32)]
+                        add(many, now, second)
+                seen, many = what, 0.0
+                if what >= 0:
+                    now = look_at(
+                        what, sx, sy, inverse, sight, stage, vertices,
+                        primitives,
+                    )  # fmt: skip
+            many += 1.0
+        return first, second
+
+    @ti.kernel
+    def draw(
+        stage: Rows, vertices: Vertices, primitives: Primitives, keys: Keys, tables: Tables,
+        jobs: Integers, base: Colors, picture: picture_type,
+    ):  # fmt: skip
+        """Each job is a tile, or -1 for none."""
+        for job in range(jobs.shape[0] * per_tile):
+            tile = jobs[job // per_tile]
+            if tile >= 0:
+                sight = sight_of(stage)
+                width, height = ti.cast(stage[SIZES][0], ti.i32), ti.cast(stage[SIZES][1], ti.i32)
+                columns = ti.cast(stage[SIZES][3], ti.i32)
+                left, top = tile % columns * TILE, tile // columns * TILE
+                for p in range(job % per_tile * per_job, job % per_tile * per_job + per_job):
+                    x, y = left + p % TILE, top + p // TILE
+                    if x < width and y < height:
+                        start = tile * sight.samples * TILE * TILE + p
+                        first, second = gather(
+                            start, x, y, sight, stage, vertices, primitives, keys
+                        )  # fmt: skip
+                        at, cx, cy = y * width + x, x + 0.5, y + 0.5
+                        bodies = first.weight + second.weight
+                        rest = sight.samples - bodies
+                        color = vec3(0.0)
+                        while first.weight > 0.0:
+                            color += body_light(cx, cy, first, sight, stage, tables)
+                            first = second
+                            second.weight = 0.0
+                        factor = 1.0
+                        if rest > 0.0:
+                            factor = ground_light(cx, cy, sight, stage, tables)
+                        if bodies > 0.0 or factor < DARK:
+                            rest *= factor
+                            picture[at] = blend(color, rest, factor, sight, base[at], tables)
+
+    return draw
+
+
+@cache
+def ground_kernel(*, alpha: bool) -> Any:
+    """The kernel that draws tiles with nothing but ground in them."""
+    picture_type = AlphaPixels if alpha else Pixels
+    blend = _blend(alpha)
+
+    @ti.kernel
+    def draw_ground(
+        stage: Rows, tables: Tables, jobs: Integers, base: Colors, picture: picture_type
+    ):  # fmt: skip
+        for job in range(jobs.shape[0]):
+            tile = jobs[job]
+            if tile >= 0:
+                sight = sight_of(stage)
+                width, height = ti.cast(stage[SIZES][0], ti.i32), ti.cast(stage[SIZES][1], ti.i32)
+                columns = ti.cast(stage[SIZES][3], ti.i32)
+                left, top = tile % columns * TILE, tile // columns * TILE
+                for p in range(TILE * TILE):
+                    x, y = left + p % TILE, top + p // TILE
+                    if x < width and y < height:
+                        factor = ground_light(x + 0.5, y + 0.5, sight, stage, tables)
+                        if factor < DARK:
+                            at, rest = y * width + x, factor * sight.samples
+                            picture[at] = blend(vec3(0.0), rest, factor, sight, base[at], tables)
+
+    return draw_ground

@@ -1,22 +1,24 @@
-"""The frames of a picture: the camera's frustum, the lamp's map and the ground's, as kernels take
-them; lengths in distances from the eye to the target, about the target."""
+"""What a picture knows of the camera's frustum and of the maps of lamp and ground: rows of numbers
+for the kernels, see layout.py.  Lengths in distances from the eye to the target, about it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import taichi as ti
 from numpy.typing import NDArray
 
-from tisoft.render import geometry, ground, light
+from tisoft.render import ground, light
+from tisoft.render import layout as at
 from tisoft.render.camera import Camera
 
 Array = NDArray[np.float64]
+Floats = NDArray[np.float32]
 
 TILES = 9.0  # about so many tiles along the distance from the eye to the target
+LAMP_BORDER = 25.0  # texels around what is mapped, for penumbrae
+GROUND_BORDER = 2.0
 
 
 @dataclass(frozen=True)
@@ -27,92 +29,171 @@ class GroundPlane:
     normal: Sequence[float] = (0.0, 1.0, 0.0)
 
 
-def view_of(camera: Camera, size: tuple[int, int], samples: int) -> Any:
-    """The frustum of a camera for a picture of so many pixels."""
+@dataclass(frozen=True)
+class Canvas:
+    """What all pictures of one renderer share: size (pixels), samples a pixel (places from 0 to 1,
+    shape (n, 2)), texels along the maps, which way is up, and the ground."""
+
+    size: tuple[int, int]
+    places: Floats
+    map_sizes: tuple[int, int]
+    up: Array
+    ground: GroundPlane | None
+
+    @property
+    def columns(self) -> int:
+        """Tiles side by side."""
+        return -(-self.size[0] // at.TILE)
+
+    @property
+    def lines(self) -> int:
+        """Tiles one above another."""
+        return -(-self.size[1] // at.TILE)
+
+
+def places_of(samples: int) -> Floats:
+    """Places of samples² samples in a pixel: a lattice turned so that no two share a row or a
+    column, which smooths edges near the axes better than a square one."""
+    n = samples * samples
+    if n == 1:
+        return np.array([[0.5, 0.5]], dtype=np.float32)
+    k = np.arange(1, n + 1)
+    turn = next(g for g in range(max(2, samples), n + 2) if np.gcd(g, n + 1) == 1)
+    return (np.stack([k, k * turn % (n + 1)], axis=1) / (n + 1)).astype(np.float32)
+
+
+def disc_rows(size: int) -> Floats:
+    """Points spread evenly over the unit disc (Vogel's spiral) and their radii; those of the search
+    in whole texels of its reach, and how far that is along a map of size²."""
+    rows = []
+    for count in (at.SEARCH, at.TAPS):
+        k = np.arange(count)
+        r, angle = np.sqrt((k + 0.5) / count), k * np.pi * (3.0 - np.sqrt(5.0))
+        rows.append(np.stack([r * np.cos(angle), r * np.sin(angle), r, 0.0 * r], axis=1))
+    rows[0][:, :2] = np.floor(0.5 + light.REACH * rows[0][:, :2])
+    rows[0][:, 2] *= light.REACH
+    rows[0][:, 3] = rows[0][:, 1] * size + rows[0][:, 0]
+    return np.concatenate(rows).astype(np.float32)
+
+
+def stage_of(canvas: Canvas, camera: Camera, places: Floats, pad: float, items: Floats) -> Floats:
+    """All rows, for what is at `places` and reaches `pad` around them."""
+    stage = np.zeros((at.ITEMS + max(len(items), 1), 4), np.float32)
+    width, height = canvas.size
+    stage[at.SIZES] = width, height, len(canvas.places), canvas.columns
+    stage[at.PLACES : at.PLACES + len(canvas.places), :2] = canvas.places
+    stage[at.DISC : at.ITEMS] = disc_rows(canvas.map_sizes[0])
+    stage[at.ITEMS : at.ITEMS + len(items)] = items
+    _view(stage, canvas, camera)
+    direction, normal = _lamp_direction(canvas, camera), _normal(canvas)
+    u = _unit(np.cross(canvas.up, direction))
+    gu = _unit(np.cross(np.eye(3)[np.argmin(np.abs(normal))], normal))
+    axes = np.stack([u, np.cross(direction, u), gu, np.cross(normal, gu)])
+    lo, hi = _extent(places, axes)
+    size, margin = canvas.map_sizes[0], pad
+    rows, texel = _square_map(lo[:2], hi[:2], axes[:2], size, margin, LAMP_BORDER)
+    stage[at.LAMP, :3] = direction
+    stage[at.LAMP_X], stage[at.LAMP_Y] = rows
+    stage[at.LAMP_Z, :3] = direction
+    size, margin = canvas.map_sizes[1], ground.HALO
+    rows, ground_texel = _square_map(lo[2:], hi[2:], axes[2:], size, margin, GROUND_BORDER)
+    stage[at.GROUND_X], stage[at.GROUND_Y] = rows
+    stage[at.LAMP_SIZE, :2] = canvas.map_sizes[0], texel
+    stage[at.GROUND_SIZE, :2] = canvas.map_sizes[1], ground_texel
+    _ground(stage, canvas, camera, normal, axes[2:])
+    return stage
+
+
+def _view(stage: Floats, canvas: Canvas, camera: Camera) -> None:
+    width, height = canvas.size
     right, up, forward = camera.axes()
     tan = np.tan(np.radians(camera.fov) / 2.0)
-    width, height = size[0] * samples, size[1] * samples
-    right, up = right * tan * size[0] / size[1], up * tan
-    return geometry.View(
-        eye=_vec(-forward),
-        right=_vec(right),
-        up=_vec(up),
-        forward=_vec(forward),
-        corner=_vec(forward - right + up),
-        across=_vec(2.0 / width * right),
-        down=_vec(-2.0 / height * up),
-        width=width,
-        height=height,
-        per_pixel=samples,
-    )
+    right, up = right * tan * width / height, up * tan
+    eye = -forward
+    stage[at.EYE, :3] = eye
+    stage[at.CORNER, :3] = forward - right + up
+    stage[at.ACROSS, :3] = 2.0 / width * right
+    stage[at.DOWN, :3] = -2.0 / height * up
+    depth = np.array([*forward, -forward @ eye])
+    x, y = right / (right @ right), up / (up @ up)
+    stage[at.TO_X] = (np.array([*x, -x @ eye]) + depth) * 0.5 * width
+    stage[at.TO_Y] = (depth - np.array([*y, -y @ eye])) * 0.5 * height
+    stage[at.TO_W] = depth
 
 
-def lamp_of(camera: Camera, sky: Array, points: Array, pad: float, size: int) -> Any:
-    """A lamp above and to the left of the camera, with a map of size² texels around the points."""
+def _lamp_direction(canvas: Canvas, camera: Camera) -> Array:
+    """To a lamp above and to the left of the camera."""
     right, _, forward = camera.axes()
-    level = np.cross(sky, right)  # forward, made horizontal
+    level = np.cross(canvas.up, right)  # forward, made horizontal
     level *= 1.0 if level @ forward >= 0.0 else -1.0
-    direction = _unit(0.95 * sky - 0.55 * right - 0.50 * level)
-    u = _unit(np.cross(sky, direction))
-    v = np.cross(direction, u)
-    rows, texel = _square_map(points, u, v, size, pad, light.REACH + 1.0)
-    return light.Lamp(
-        direction=_vec(direction), frame=_mat([*rows, [*direction, 0.0]]), texel=texel
-    )
+    return _unit(0.95 * canvas.up - 0.55 * right - 0.50 * level)
 
 
-def ground_of(
-    plane: GroundPlane | None, camera: Camera, view: Any, sky: Array, points: Array, size: int
-) -> Any:
-    """The ground with a map of size² texels around the points; unseen from below or without one."""
-    normal = _unit(np.asarray(plane.normal, dtype=np.float64)) if plane else sky
-    point = plane.point if plane else camera.target
-    above = float(normal @ np.subtract(camera.eye, point)) / camera.distance
-    rays = np.array([view.across, view.down, view.corner], dtype=np.float64)
-    inverse = -rays @ normal / above if plane and above > 0.0 else np.zeros(3)
-    u = _unit(np.cross(np.eye(3)[np.argmin(np.abs(normal))], normal))
-    v = np.cross(normal, u)
-    rows, texel = _square_map(points, u, v, size, ground.HALO, 2.0)
-    tile = _round_length(camera.distance / TILES)
-    scale = camera.distance / tile
+def _normal(canvas: Canvas) -> Array:
+    if canvas.ground is None:
+        return canvas.up
+    return _unit(np.asarray(canvas.ground.normal, dtype=np.float64))
+
+
+def _ground(stage: Floats, canvas: Canvas, camera: Camera, normal: Array, axes: Array) -> None:
+    """The ground; unseen from below or without one."""
+    point = canvas.ground.point if canvas.ground else camera.target
     level = float(normal @ np.subtract(point, camera.target)) / camera.distance
-    phases = [float(a @ np.asarray(camera.target)) / tile % 2.0 for a in (u, v)]
-    return ground.Ground(
-        normal=_vec(normal),
-        level=level,
-        inverse=_vec(inverse),
-        frame=_mat([*rows, [*-normal, level]]),
-        texel=texel,
-        tiles=_mat([[*(scale * u), phases[0]], [*(scale * v), phases[1]], [0.0] * 4]),
-    )
+    above = float(normal @ np.subtract(camera.eye, point)) / camera.distance
+    stage[at.GROUND] = [*normal, level]
+    stage[at.GROUND_Z] = [*-normal, level]
+    rays = stage[[at.ACROSS, at.DOWN, at.CORNER], :3].astype(np.float64)
+    if canvas.ground and above > 0.0:
+        stage[at.FLOOR, :3] = -rays @ normal / above
+        frame = stage[[at.LAMP_X, at.LAMP_Y, at.LAMP_Z]].astype(np.float64)
+        g = normal @ np.linalg.inv(frame[:, :3])
+        g[2] = max(g[2], 1e-3)  # a lamp below the ground's horizon does not light it anyway
+        stage[at.PLANE, :3] = [-g[0] / g[2], -g[1] / g[2], (level + g @ frame[:, 3]) / g[2]]
+    eye = stage[at.EYE, :3].astype(np.float64)
+    for target, source in (
+        (at.ON_LAMP_X, at.LAMP_X),
+        (at.ON_LAMP_Y, at.LAMP_Y),
+        (at.ON_GROUND_X, at.GROUND_X),
+        (at.ON_GROUND_Y, at.GROUND_Y),
+    ):
+        row = stage[source].astype(np.float64)
+        stage[target, :3] = rays @ row[:3] + stage[at.FLOOR, :3] * (row[:3] @ eye + row[3])
+    tile = tile_length(camera)
+    scale = camera.distance / tile
+    for target, axis in zip((at.TILES_X, at.TILES_Y), axes, strict=True):
+        stage[target] = [*(scale * axis), float(axis @ np.asarray(camera.target)) / tile % 2.0]
 
 
-def plane_in_map(plane: Any, lamp: Any) -> Any:
-    """The ground's height in the lamp's map: coefficients of x, y and 1."""
-    frame = np.array(lamp.frame.to_list(), dtype=np.float64)
-    g = np.array(plane.normal, dtype=np.float64) @ np.linalg.inv(frame[:, :3])
-    g[2] = max(g[2], 1e-3)  # a lamp below the ground's horizon does not light it anyway
-    constant = (plane.level + g @ frame[:, 3]) / g[2]
-    return geometry.vec3(-g[0] / g[2], -g[1] / g[2], constant)
+def _extent(places: Floats, axes: Array) -> tuple[Array, Array]:
+    """Least and greatest of the finite places along axes."""
+    if len(places) == 0:
+        return np.zeros(len(axes)), np.zeros(len(axes))
+    with np.errstate(invalid="ignore", over="ignore"):
+        flat = axes.astype(np.float32) @ places.T
+    lo, hi = flat.min(axis=1).astype(np.float64), flat.max(axis=1).astype(np.float64)
+    if not (np.isfinite(lo).all() and np.isfinite(hi).all()):
+        return _extent(places[np.isfinite(places).all(axis=1)], axes)
+    return lo, hi
 
 
 def _square_map(
-    points: Array, u: Array, v: Array, size: int, margin: float, border: float
+    lo: Array, hi: Array, axes: Array, size: int, margin: float, border: float
 ) -> tuple[Array, float]:
-    """Rows of a square map along u and v, in texels, around the points and a margin; its texel.
+    """Rows of a square map along two axes, in texels, around an extent and a margin; its texel.
 
     Its side and place move in steps, so that shadows do not crawl while a body deforms.
     """
-    lo, hi = np.zeros(2), np.zeros(2)
-    if len(points):
-        flat = points @ np.stack([u, v], axis=1)
-        lo, hi = flat.min(axis=0), flat.max(axis=0)
     side = max(float(np.max(hi - lo)) + 2.0 * margin, 1e-6)
     side = 2.0 ** (np.ceil(np.log2(side) * 8.0) / 8.0)
     texel = side / (size - 2.0 * border - 8.0)
     corner = np.round((lo + hi) / 2.0 / (4.0 * texel)) * 4.0 - size / 2.0  # in texels
-    rows = np.array([[*u / texel, -corner[0]], [*v / texel, -corner[1]]])
+    rows = np.concatenate([axes / texel, -corner[:, None]], axis=1)
     return rows, float(texel)
+
+
+def tile_length(camera: Camera) -> float:
+    """Side of the ground's tiles [m]."""
+    return _round_length(camera.distance / TILES)
 
 
 def _round_length(x: float) -> float:
@@ -123,11 +204,3 @@ def _round_length(x: float) -> float:
 
 def _unit(v: Array) -> Array:
     return np.asarray(v / np.linalg.norm(v))
-
-
-def _vec(v: Array) -> Any:
-    return geometry.vec3(*np.asarray(v).tolist())
-
-
-def _mat(rows: Sequence[Any]) -> Any:
-    return ti.Matrix(np.array(rows, dtype=np.float64).tolist(), dt=ti.f32)

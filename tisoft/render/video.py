@@ -34,7 +34,7 @@ GIF_RATE = 50.0  # browsers slow down what is faster; GIF counts in steps of 10 
 # Arguments for ffmpeg by suffix, between the input and the output.
 CODECS = {
     ".mp4": (
-        *("-c:v", "libx264", "-preset", "faster", "-crf", "17", "-pix_fmt", "yuv420p"),
+        *("-c:v", "libx264", "-preset", "veryfast", "-crf", "17", "-pix_fmt", "yuv420p"),
         *("-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"),
         *("-vf", "scale=out_color_matrix=bt709:out_range=tv", "-movflags", "+faststart"),
         *("-f", "mp4"),
@@ -53,14 +53,21 @@ CODECS = {
 
 
 def open_sink(
-    path: str | Path, size: tuple[int, int], frame_rate: float, owner: Owner | None = None
+    path: str | Path,
+    size: tuple[int, int],
+    frame_rate: float,
+    owner: Owner | None = None,
+    *,
+    alpha: bool = False,
 ) -> Sink:
     """A context into which pictures of one size (pixels) are written at a rate (1/s).
 
+    With `alpha` they have a fourth channel.
+
     The suffix chooses: .mp4, .gif, .webp, .png (the last picture only); without a suffix, or with
     a slash at the end, a folder of frame_00000.png and so on; `owner` says whose it is. Raises
-    SceneError for another suffix, a folder that cannot be written or is another's, and, while
-    writing, a full disk.
+    SceneError for another suffix, alpha in an MP4, a folder that cannot be written or is another's,
+    and, while writing, a full disk.
     """
     folder = str(path).endswith(("/", os.sep)) or Path(path).is_dir()
     path = Path(path)
@@ -73,8 +80,10 @@ def open_sink(
         return FolderSink(path, owner or Owner())
     if suffix == ".png":
         return PngSink(path)
+    if suffix == ".mp4" and alpha:
+        raise SceneError(f"{path} cannot be transparent: write a .webp, .png, .gif or a folder.")
     if suffix in CODECS:
-        return FilmSink(path, size, frame_rate)
+        return FilmSink(path, size, frame_rate, alpha)
     raise SceneError(
         f"{path} cannot be written: {suffix} is none of .mp4, .gif, .webp, .png or a folder's name"
         " without a suffix."
@@ -96,7 +105,7 @@ class Sink:
         return self.count
 
     def write(self, picture: Picture) -> None:
-        """Append a picture, shape (height, width, 3), sRGB bytes. Raises SceneError."""
+        """Append a picture, shape (height, width, 3 or 4), sRGB bytes. Raises SceneError."""
         try:
             self._append(picture)
         except OSError as error:
@@ -218,8 +227,9 @@ class FolderSink(Sink):
 class FilmSink(Sink):
     """A film, encoded by ffmpeg while it is drawn; sides are made even for MP4."""
 
-    def __init__(self, path: Path, size: tuple[int, int], frame_rate: float) -> None:
+    def __init__(self, path: Path, size: tuple[int, int], frame_rate: float, alpha: bool) -> None:
         super().__init__(path)
+        self._format = "rgba" if alpha else "rgb24"
         self._suffix = path.suffix.lower()
         self._pad = tuple(n % 2 if self._suffix == ".mp4" else 0 for n in size)
         self._size = size
@@ -236,7 +246,7 @@ class FilmSink(Sink):
         codec = [argument.replace("{rate}", rate) for argument in CODECS[self._suffix]]
         command = [
             *(imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error", "-nostdin"),
-            *("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}"),
+            *("-f", "rawvideo", "-pix_fmt", self._format, "-s", f"{width}x{height}"),
             *("-r", f"{self._rate:.9g}", "-i", "pipe:0", *codec, str(part)),
         ]
         self._log = tempfile.TemporaryFile()

@@ -1,6 +1,6 @@
 """A soft brick spins freely about its middle axis, flips over again and again, and loses nothing.
 
-    python demos/spinning_brick.py
+    python examples/spinning_brick.py
 
 Rotation about the middle axis of a brick is unstable (Euler): it turns over, while its angular
 momentum stays where it was.  The script checks that, and writes spinning_brick.mp4.

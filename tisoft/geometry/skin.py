@@ -1,0 +1,150 @@
+"""A fine surface carried by a coarse mesh of tets.
+
+Every point of the surface has the barycentric coordinates w of the tet that holds it, or of the
+nearest one, so that it moves as that tet does: x = Σ w_k x_k over the four corners, Σ w_k = 1.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tisoft.errors import MeshError
+from tisoft.geometry.checks import check_finite, check_range, index_rows, positions
+from tisoft.geometry.files.quiet import no_surprises
+from tisoft.geometry.mesh import TetMesh, moved
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+NEIGHBOURS = (8, 64)
+"""Tets, by the distance of their centres, among which a point looks for its own: first few, then
+more where none of those holds it."""
+FARTHEST = 1.0
+"""Of a point outside of its tet, in heights of the tet."""
+SUFFIXES = (".obj", ".off", ".ply", ".stl")
+
+
+@dataclass(frozen=True, eq=False)
+class Skin:
+    """Triangles between points that a mesh's nodes carry; made by `skin`."""
+
+    triangles: Ints
+    """Points of each triangle, shape (triangles, 3), outward."""
+    corners: Ints
+    """Nodes that carry each point, shape (points, 4)."""
+    weights: Floats
+    """Their shares, shape (points, 4); each row sums to 1."""
+
+    def carried(self, values: Floats) -> Floats:
+        """Values at the nodes, shape (nodes, …), carried over to the points: positions [m] too."""
+        from scipy.sparse import csr_matrix  # SciPy is slow to import
+
+        count, nodes = len(self.corners), len(values)
+        starts = np.arange(0, 4 * count + 1, 4)
+        matrix = csr_matrix(
+            (self.weights.ravel(), self.corners.ravel(), starts), shape=(count, nodes)
+        )
+        out: Floats = matrix @ values
+        return out
+
+
+def skin(mesh: TetMesh, points: ArrayLike, triangles: ArrayLike) -> Skin:
+    """The surface with these points [m] and triangles, carried by the tets of a mesh at rest.
+
+    Raises:
+        MeshError: a mesh without tets, numbers that are not finite, a triangle with a point that is
+            not there, or a surface that lies away from the tets.
+    """
+    if not len(mesh.tets):
+        raise MeshError("a skin is carried by tets, and this mesh has none")
+    places = positions(points)
+    check_finite(places, np.arange(len(places)))
+    rows = check_range(index_rows(triangles, 3, "triangle"), "triangle", len(places))
+    if not len(rows):
+        raise MeshError("a skin needs at least one triangle, and this one has none")
+    tets, weights = _holders(mesh, places)
+    far = -weights.min(axis=1)
+    if far.max() > FARTHEST:
+        worst = int(far.argmax())
+        place = ", ".join(f"{x:.6g}" for x in places[worst])
+        raise MeshError(
+            f"point {worst} of the skin, at ({place}), lies away from the tets; "
+            "place both in the same coordinates and units"
+        )
+    return Skin(rows.astype(np.int32), mesh.tets[tets].astype(np.int32), weights)
+
+
+def _holders(mesh: TetMesh, places: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """The tet of every place and the barycentric coordinates in it."""
+    from scipy.spatial import cKDTree
+
+    corners = mesh.points[mesh.tets]
+    origin = corners[:, 0]
+    inverse = np.linalg.inv(np.swapaxes(corners[:, 1:] - origin[:, None], 1, 2))
+    tree = cKDTree(corners.mean(axis=1))
+    tets = np.zeros(len(places), np.int64)
+    weights = np.full((len(places), 4), -np.inf)
+    left = np.arange(len(places))
+    for count in NEIGHBOURS:
+        number = min(count, len(mesh.tets))
+        near = tree.query(places[left], k=number)[1].reshape(len(left), number)
+        local = np.einsum("pkij,pkj->pki", inverse[near], places[left, None] - origin[near])
+        shares = np.concatenate([1.0 - local.sum(axis=2, keepdims=True), local], axis=2)
+        best = shares.min(axis=2).argmax(axis=1)
+        rows = np.arange(len(left))
+        tets[left], weights[left] = near[rows, best], shares[rows, best]
+        left = left[weights[left].min(axis=1) < -1e-9]
+        if not len(left):
+            break
+    return tets, weights
+
+
+def read_skin(
+    path: str | os.PathLike[str],
+    mesh: TetMesh,
+    *,
+    scale: float = 1.0,
+    rotate: Sequence[float] = (0.0, 0.0, 0.0),
+    translate: Sequence[float] = (0.0, 0.0, 0.0),
+) -> Skin:
+    """The surface of a file (.obj, .off, .ply, .stl), scaled, turned about x, y and z [degrees] and
+    moved [m], and carried by the tets of a mesh.
+
+    Raises:
+        MeshError: one sentence that names the file.
+    """
+    path = Path(path)
+    try:
+        points, triangles = _surface(path)
+        return skin(mesh, moved(points, scale, rotate, translate), triangles)
+    except MeshError as error:
+        raise MeshError(f"{path}: {error}") from error.__cause__
+
+
+def _surface(path: Path) -> tuple[Floats, NDArray[np.int64]]:
+    """Points and triangles; polygons are cut into triangles, points in one place are joined."""
+    import meshio
+
+    if path.suffix.lower() not in SUFFIXES:
+        raise MeshError(f"a skin is a surface: give one of {', '.join(SUFFIXES)}")
+    if not path.is_file():
+        raise MeshError("there is no such file; check the path")
+    with no_surprises(path):
+        read = meshio.read(path)
+        points = np.asarray(read.points, np.float64)
+        polygons = [np.asarray(b.data) for b in read.cells if b.data.shape[1] >= 3]
+        fans = [p[:, [0, k, k + 1]] for p in polygons for k in range(1, p.shape[1] - 1)]
+    triangles = np.concatenate([np.zeros((0, 3), np.int64), *fans])
+    if not len(triangles):
+        raise MeshError("a skin needs at least one triangle, and this file has none")
+    check_range(triangles, "triangle", len(points))
+    _, first, index = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    triangles = index.reshape(-1)[triangles]
+    used, triangles = np.unique(triangles, return_inverse=True)
+    return points[first][used], triangles.reshape(-1, 3)
