@@ -18,10 +18,12 @@ import os
 import random
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from tempfile import mkdtemp
 
@@ -73,7 +75,13 @@ def main() -> int:
     with use_db(folder / "session.sqlite") as database:
         if not database.num_work_items:
             _fill(database, modules, options)
-        _run(database, folder, tests, options)
+        try:
+            _run(database, folder, tests, options)
+        except BrokenProcessPool:  # its process has said why
+            return 2
+        finally:
+            for copy in folder.glob("copy-*"):
+                shutil.rmtree(copy)
         return _report(database, folder)
 
 
@@ -144,17 +152,22 @@ def _run(database, folder: Path, tests: list[str], options: argparse.Namespace) 
     print(f"{len(pending)} mutants; {' '.join(tests)}", flush=True)
     with ProcessPoolExecutor(options.jobs, initializer=_begin, initargs=(folder, tests)) as pool:
         jobs = pool.map(_try, pending, [end] * len(pending))
-        for number, (item, result) in enumerate(zip(pending, jobs, strict=True), 1):
-            if result is None:
-                continue
-            database.set_result(item.job_id, result)
-            if not result.is_killed:
-                print(f"[{number}/{len(pending)}] survived {_shown(item, result)}", flush=True)
+        try:
+            for number, (item, result) in enumerate(zip(pending, jobs, strict=True), 1):
+                if result is None:
+                    continue
+                database.set_result(item.job_id, result)
+                if not result.is_killed:
+                    print(f"[{number}/{len(pending)}] survived {_shown(item, result)}", flush=True)
+        except KeyboardInterrupt:
+            print("ending after the mutants at work", file=sys.stderr)
+            pool.shutdown(cancel_futures=True)
 
 
 def _begin(folder: Path, tests: list[str]) -> None:
     """Make this process's copy of the source, fill its kernel cache, and time the tests."""
     global _command, _limit
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the first process's to answer
     copy = folder / f"copy-{os.getpid()}"
     copy.mkdir()
     for name in ("tisoft", "tests", "assets", "demos", "docs"):
@@ -168,14 +181,20 @@ def _begin(folder: Path, tests: list[str]) -> None:
     python = sys.executable
     seen = subprocess.check_output([python, "-c", "import tisoft; print(tisoft.__file__)"])
     if not seen.decode().startswith(str(copy)):
-        raise SystemExit(f"mutants: Python imports tisoft from {seen.decode()}, not from the copy")
+        _stop(f"Python imports tisoft from {seen.decode().strip()}, not from the copy in {copy}")
     command = [python, "-m", "pytest", "-x", "-q", "--tb=no", "-p", "no:cacheprovider", *tests]
     for _ in range(2):  # the second time with compiled kernels
         begun = time.monotonic()
         if subprocess.run(command, capture_output=True).returncode:
-            raise SystemExit("mutants: the tests fail without any mutant; mend them first")
+            _stop(f"without any mutant these tests fail: {' '.join(tests)}; mend them first")
     _limit = 30.0 + 5.0 * (time.monotonic() - begun)
     _command = " ".join(f"'{word}'" for word in command)
+
+
+def _stop(sentence: str) -> None:
+    """End this process, and with it the run."""
+    print(f"mutants: {sentence}", file=sys.stderr, flush=True)
+    os._exit(2)  # an exception here would be logged with its traceback
 
 
 def _try(item, end: float):
