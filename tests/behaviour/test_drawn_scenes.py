@@ -232,3 +232,68 @@ def test_stress_of_a_cloth_does_the_work_that_it_stores():
     volumes = 0.002 / 3.0 * np.bincount(mesh.surface.ravel(), np.repeat(areas, 3))
     assert volumes.sum() == pytest.approx(2.0 * 0.002)
     assert 0.5 * pull * (volumes @ stress) == pytest.approx(sim.energy()["elastic"], rel=1e-3)
+
+
+TWO = """
+gravity = [0, 0, 0]
+duration = 0.1
+frame_rate = 20
+
+[[body]]
+name = "still"
+young = 1e5
+poisson = 0.3
+density = 1000.0
+
+[body.mesh]
+box = { size = [0.5, 0.5, 0.5], cells = [1, 1, 1] }
+translate = [-1.5, -0.25, -0.25]
+
+[[body]]
+name = "turning"
+young = 1e7
+poisson = 0.3
+density = 1000.0
+velocity = [0, 10, 0]
+spin = [0, 0, 15.708]
+
+[body.mesh]
+box = { size = [2, 0.2, 0.2], cells = [10, 1, 1] }
+translate = [0, -1.1, -0.1]
+
+[camera]
+eye = [0, 0, 10]
+target = [0, 0, 0]
+fov = 30
+
+[render]
+size = [240, 240]
+samples = 2
+ground = false
+"""
+
+
+def test_bodies_are_drawn_where_they_are_now_in_the_colours_of_now(tmp_path):
+    """A bar that flies up by 1 m and turns by a quarter; its ends are fast, its middle slower."""
+    path = tmp_path / "two.toml"
+    path.write_text(TWO, encoding="utf-8")
+    out = tmp_path / "pictures"
+    assert main(["render", str(path), "-o", str(out), "--quiet", "--color", "speed"]) == 0
+    first, *_, last = (np.asarray(Image.open(p)).astype(int) for p in sorted(out.iterdir()))
+
+    def seen(shot, left, right):
+        warm = shot[..., 0] > shot[..., 2] + 20  # yellow to red, before a bluish backdrop
+        rows, columns = np.nonzero(warm[:, left:right])
+        return np.ptp(columns) + 1, np.ptp(rows) + 1, (columns + left).mean(), rows.mean()
+
+    still = (pixels(0.5, depth=9.75), pixels(0.5, depth=9.75), 119.5 - pixels(1.25), 119.5)
+    assert seen(last, 40, 90) == pytest.approx(still, abs=3)
+    wide, high, x, y = seen(first, 110, 212)
+    assert (wide, high) == pytest.approx((pixels(2, depth=9.9), pixels(0.2, depth=9.9)), abs=3)
+    assert (x, y) == pytest.approx((119.5 + pixels(1.0), 119.5 + pixels(1.0)), abs=3)
+    wide, high, x, y = seen(last, 110, 200)
+    assert high > 4 * wide
+    assert (x, y) == pytest.approx((119.5 + pixels(1.0), 119.5), abs=4)
+    paleness = last[..., 2] / last[..., 0]  # blue over red, of yellow to red
+    column = round(x)
+    assert paleness[int(y) - 38, column] < 0.8 * paleness[int(y), column]
