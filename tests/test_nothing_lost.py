@@ -73,7 +73,7 @@ PLAIN = {
     "start": "plain",
     "step": '"auto"',
 }
-TIMES = ("wall_seconds", "compile_seconds", "start_seconds")
+TIMES = ("wall_seconds", "compile_seconds", "start_seconds", "setup_seconds")
 SPEEDS = ("element_substeps_per_second", "real_time_factor")
 
 

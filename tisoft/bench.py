@@ -36,6 +36,17 @@ MODELS: dict[str, Model] = {
 ROUNDS = 3
 SUBSTEPS = 64
 """Substeps per call where the step is fixed."""
+FRAMES = 30
+"""Frames per call where it is followed."""
+
+
+class _Recorded:
+    """An observer that reads the probes of each frame, and no state."""
+
+    looks_every = 0
+
+    def on_frame(self, frame: Any) -> None:
+        frame.probes()
 
 
 def beam(size: str, model: str, *, precision: str = "f32") -> Scene:
@@ -59,8 +70,10 @@ def measure(
 ) -> dict[str, Any]:
     """Speed of one model at one size; takes about 2 × `seconds`.
 
-    `element_substeps_per_second` is of substeps of a fixed step, `followed` of whole frames at 60
-    per second, with the step followed and a probe read.
+    `element_substeps_per_second` is of substeps of a fixed step, `followed` of frames at 60 per
+    second as `tisoft run` makes them, with the step followed and a probe recorded; `share` is their
+    quotient, `frame_microseconds` what a frame costs beyond its substeps, and `bytes_per_element`
+    the memory of the scene's fields.
     """  # fmt: skip
     runtime.import_taichi()
     from tisoft.simulation import Simulation
@@ -74,14 +87,18 @@ def measure(
         sim.stepper.advance(count, step, scene.gravity)
         return count
 
+    made = [0, 0]
+
     def frames(count: int) -> int:
-        before = sim.substeps
-        for _ in range(count):
-            sim.step().positions(scene.bodies[0])[-1]
+        before, first = sim.substeps, sim.frame
+        sim.run(count / scene.frame_rate, observers=[_Recorded()])
+        made[0] += sim.frame - first
+        made[1] += sim.substeps - before
         return sim.substeps - before
 
     fixed = _rate(substeps, SUBSTEPS, seconds)
-    followed = _rate(frames, 1, seconds)
+    followed = _rate(frames, FRAMES, seconds)
+    each = made[1] / max(1, made[0])
     return {
         "model": model,
         "size": size,
@@ -89,6 +106,9 @@ def measure(
         "elements": elements,
         "element_substeps_per_second": elements * fixed,
         "followed": elements * followed,
+        "share": followed / fixed,
+        "frame_microseconds": 1e6 * each * (1.0 / followed - 1.0 / fixed),
+        "bytes_per_element": sim.system.bytes_used() / max(1, elements),
         "microseconds_per_substep": 1e6 / fixed,
         "threads": sim.stepper.pace.threads(),
         "arch": sim.arch,
@@ -139,6 +159,7 @@ def as_text(rows: list[dict[str, Any]]) -> str:
     """A table of the rows."""
     lines = [
         f"{'model':13}{'size':>5}{'elements':>10}{'M elements x substeps/s':>26}{'followed':>10}"
+        f"{'share':>7}{'µs/frame':>10}{'B/element':>11}"
         f"{'µs/substep':>12}{'threads':>9}{'compile cold':>14}{'warm':>7}"
     ]
     for row in rows:
@@ -147,7 +168,9 @@ def as_text(rows: list[dict[str, Any]]) -> str:
         cold, warm = (f"{compiled[k]:.2f} s" if k in compiled else "-" for k in ("cold", "warm"))
         lines.append(
             f"{row['model']:13}{row['size']:>5}{row['elements']:>10}{speed:>26.1f}"
-            f"{followed:>10.1f}{row['microseconds_per_substep']:>12.1f}{row['threads']:>9}"
+            f"{followed:>10.1f}{row['share']:>7.2f}{row['frame_microseconds']:>10.0f}"
+            f"{row['bytes_per_element']:>11.0f}"
+            f"{row['microseconds_per_substep']:>12.1f}{row['threads']:>9}"
             f"{cold:>14}{warm:>7}"
         )
     return "\n".join(lines)

@@ -242,6 +242,18 @@ class System:
         probes = (np.array(self._probes, np.int32) + self.first).astype(np.int32)
         self.state.write_scene(self.scene, ranges, orders, self.lease.starts["probes"], probes)
 
+    def bytes_used(self) -> int:
+        """Memory that the scene's rows of all fields take [bytes]."""
+        held = [(State, self.precision, self.lease)]
+        for share in self.shares:
+            block = share.block
+            structure = (block.element, block.law, self.precision, block.lanes)
+            held.append((Block, structure, share.lease))
+        return sum(
+            kind.bytes_of(structure, {k: lease.counts.get(k, 0) for k in kind.LEAST})
+            for kind, structure, lease in held
+        )
+
     @property
     def is_small(self) -> bool:
         """Whether one thread is done before two could be called."""

@@ -1,5 +1,5 @@
-"""A box along the axes: outside, the gap is the distance to its nearest point; inside, the least
-distance to a face, below zero.
+"""A box along the axes: gap = |max(|x − center| − half size, 0)| outside, the distance to its
+nearest point; inside, the least distance to a face, below zero.
 
 | symbol    | name          | unit |
 | --------- | ------------- | ---- |

@@ -4,17 +4,15 @@
     P = (μ + 4c i) F + (λ' (J − 1) − μ) cof F
                                     (after Yeoh 1993: a polynomial in the first invariant)
 
-Small strains see λ and μ.  Run it (`python demos/yeoh.py`) and it pulls a cube beside a neo-Hookean
-one: the Yeoh cube pulls back harder, the further the more.
+Small strains see λ and μ.  Run it (`python examples/yeoh.py`) and it pulls a cube beside a
+neo-Hookean one: the Yeoh cube pulls back harder, the further the more.
 
 | symbol   | name            | unit |
 | -------- | --------------- | ---- |
 | λ', μ, c | m[0], m[1], m[2] | Pa  |
 """
 
-import taichi as ti
-
-import tisoft as ts
+import tisoft as ts  # before Taichi: it keeps Taichi's banner down
 from tisoft.laws import LAWS
 from tisoft.laws.base import (
     cofactor,
@@ -27,6 +25,10 @@ from tisoft.laws.base import (
     volume_change,
 )
 from tisoft.laws.viscous import GreenRate
+from tisoft.models.materials import model_of
+from tisoft.runtime import import_taichi
+
+ti = import_taichi()
 
 
 class Law:
@@ -86,7 +88,7 @@ class Law:
 
 
 LAWS["yeoh"] = f"{__name__}.Law"
-Yeoh = ts.models.materials.model_of("yeoh")
+Yeoh = model_of("yeoh")
 
 
 def pull(model, stretch):
