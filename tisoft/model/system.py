@@ -244,7 +244,7 @@ class System:
 
     def bytes_used(self) -> int:
         """Memory that the scene's rows of all fields take [bytes]."""
-        held = [(State, self.precision, self.lease)]
+        held: list[tuple[Any, Any, Lease]] = [(State, self.precision, self.lease)]
         for share in self.shares:
             block = share.block
             structure = (block.element, block.law, self.precision, block.lanes)
