@@ -28,6 +28,9 @@ from tisoft.step.loading import external_forces
 
 Floats = NDArray[np.float64]
 
+ALONE = 10
+"""First frames of a run that are made one by one: what goes wrong at once is seen at once."""
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -275,12 +278,12 @@ class Simulation(Motion):
 
     def _frames_together(self, count: int, observers: list[Any]) -> Iterator[Frame]:
         every = [getattr(observer, "looks_every", 1) for observer in observers] or [0]
-        last = self.frame + count
+        begun, last = self.frame, self.frame + count
         yield self.here()
         while self.frame < last:
             first = self.frame
             free = [n - first % n for n in every if n] + [last - first]
-            records = self.make_frames(min(free))
+            records = self.make_frames(min(free)) if first >= begun + ALONE else []
             if not records:
                 yield self.step()
                 continue

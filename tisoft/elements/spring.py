@@ -31,6 +31,8 @@ class Spring:
 
     corners = 2
     numbers = 7
+    is_relative = False
+    """Whether its energy wants displacements as seen from one of its body\'s nodes."""
 
     @staticmethod
     def rest(points: Floats, cells: NDArray[np.integer], numbers: Floats) -> Floats:

@@ -10,7 +10,7 @@ and K_ji = K_ijᵀ, so that the edges alone do it, in differences that keep thei
 however far a body has moved:
 
     edge (i, j), d = u_j − u_i:   f_i −= K_ij d + C_ij ḋ,   f_j += K_ijᵀ d + C_ijᵀ ḋ,
-                                  energy −dᵀK_ij d/2
+                                  energy −dᵀK_ij d/2 + u_iᵀ (K_ij − K_ijᵀ) d/2
 
 A tet mesh has about 7 edges and 5 to 6 tets a node: where elements are linear and the material does
 not change, edges replace the loop over tets.
@@ -35,6 +35,8 @@ class Tensor:
 
     corners = 2
     numbers = 18
+    is_relative = True
+    """Whether its energy wants displacements as seen from one of its body\'s nodes."""
 
     @staticmethod
     @ti.func
@@ -80,12 +82,13 @@ class Tensor:
     @staticmethod
     @ti.func
     def energy(law: ti.template(), rest: ti.template(), u: ti.template(), m, lane):
-        """−dᵀK_ij d/2 [J]: the edge's share, which may be negative."""
+        """The edge's share of uᵀK u/2 [J], which may be negative; u as seen from one node."""
         d = Tensor.difference(u, lane)
         total = 0.0 * d[0]
-        for r in ti.static(range(3)):
-            for c in ti.static(range(3)):
-                total -= 0.5 * d[r] * rest[3 * r + c, lane] * d[c]
+        for r in range(3):
+            for c in range(3):
+                along, back = rest[3 * r + c, lane], rest[3 * c + r, lane]
+                total += 0.5 * (u[r, lane] * (along - back) - d[r] * along) * d[c]
         return total
 
     @staticmethod

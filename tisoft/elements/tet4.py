@@ -30,6 +30,8 @@ class Tet4:
 
     corners = 4
     numbers = 10
+    is_relative = False
+    """Whether its energy wants displacements as seen from one of its body\'s nodes."""
 
     @staticmethod
     def rest(points: Floats, cells: NDArray[np.integer]) -> Floats:

@@ -58,6 +58,8 @@ class Block:
         """The law's constants [Pa], then φ and η [Pa·s]."""
         self.is_viscous = field(ti.i32, "materials")
         """Whether φ, η or dampers are not 0."""
+        self.origin = field(ti.i32, "materials")
+        """First node of its body."""
         self.part_start = field(ti.i32, "parts")
         """First batch of each part (and one row more a scene, where the last ends)."""
         self.energy = field(ti.f64 if runtime.has_f64() else ti.f32, "parts")
@@ -111,11 +113,12 @@ class Block:
                     self.modes[first + k, c, lane] = modes[k, c, lane]
 
     @ti.kernel
-    def write_materials(self, first: int, rows: A, viscous: A):
+    def write_materials(self, first: int, rows: A, viscous: A, origins: A):
         """Write the materials' rows."""
         ti.loop_config(serialize=self.serial)
         for k in range(viscous.shape[0]):
             self.is_viscous[first + k] = viscous[k]
+            self.origin[first + k] = origins[k]
             for c in range(self.columns):
                 self.material[first + k, c] = rows[k, c]
 

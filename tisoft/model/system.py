@@ -195,7 +195,8 @@ class System:
     def _write_materials(self, share: Share) -> None:
         rows = np.array([part.material() for part in share.parts])
         viscous = np.array([part.is_viscous() for part in share.parts], np.int32)
-        share.block.write_materials(share.row("materials"), self._reals(rows), viscous)
+        origins = np.array([self.first + part.start for part in share.parts], np.int32)
+        share.block.write_materials(share.row("materials"), self._reals(rows), viscous, origins)
 
     def _lend_mass(self, pool: Pool) -> Lease:
         rows, cols, values = self.mass_entries()

@@ -109,6 +109,12 @@ def batch_energy(block: ti.template(), state: ti.template(), b):
     u = ti.Matrix.zero(block.real, 3 * block.corners, block.lanes)
     load_rest(block, b, rest)
     gather(block, state.displacement, b, u)
+    if ti.static(block.element.is_relative):
+        origin = state.displacement[block.origin[block.owner[b]]]
+        for c in range(block.corners):
+            for lane in range(block.lanes):
+                for d in range(3):
+                    u[3 * c + d, lane] -= origin[d]
     m = material(block, b)
     each = ti.Vector.zero(block.real, block.lanes)
     for lane in range(block.lanes):
