@@ -82,7 +82,7 @@ def test_many_scenes_leave_fields_and_kernels_as_they_are():
 
 def test_a_scene_that_does_not_fit_into_memory_is_told_with_its_size():
     check_memory(1 << 20)
-    with pytest.raises(SceneError, match=r"1e\+03 GiB of memory .* are free; use a coarser mesh"):
+    with pytest.raises(SceneError, match=r"1e\+06 GiB of memory .* are free; use a coarser mesh"):
         check_memory(1 << 50)
 
 

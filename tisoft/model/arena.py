@@ -8,6 +8,7 @@ what a dead scene leaves is given to the next: the second scene of a structure c
 from __future__ import annotations
 
 import bisect
+import gc
 import os
 from collections.abc import Callable
 from typing import Any
@@ -128,9 +129,12 @@ class Pool:
             SceneError: fields that would not fit into memory.
         """
         key = (kind, structure)
-        for arena in self.arenas.get(key, []):
-            if arena.fits(needs):
-                return Lease(arena, needs)
+        arena = self._free(key, needs)
+        if arena is None and key in self.arenas:
+            gc.collect()  # a simulation that nobody holds may still wait for it
+            arena = self._free(key, needs)
+        if arena is not None:
+            return Lease(arena, needs)
         self._sweep()
         rows = _rows(kind, structure, needs)
         fields = kind(structure, rows)
@@ -138,6 +142,9 @@ class Pool:
         arena = Arena(fields, rows)
         self.arenas.setdefault(key, []).append(arena)
         return Lease(arena, needs)
+
+    def _free(self, key: Any, needs: dict[str, int]) -> Arena | None:
+        return next((a for a in self.arenas.get(key, []) if a.fits(needs)), None)
 
     def _sweep(self) -> None:
         """Free the fields that nobody uses, but for the largest of each structure."""
