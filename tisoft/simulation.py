@@ -21,15 +21,13 @@ from tisoft.equilibrium.statics import Equilibrium, equilibrium
 from tisoft.measures.measures import Measures
 from tisoft.model.mass import ITERATIONS
 from tisoft.model.part import Part
-from tisoft.motion import Motion, hook
+from tisoft.motion import Motion
+from tisoft.running import run
 from tisoft.scene import Scene
 from tisoft.step.consistent_mass import residual_share
 from tisoft.step.loading import external_forces
 
 Floats = NDArray[np.float64]
-
-ALONE = 10
-"""First frames of a run that are made one by one: what goes wrong at once is seen at once."""
 
 
 @dataclass(frozen=True)
@@ -258,39 +256,14 @@ class Simulation(Motion):
 
     def run(self, seconds: float | None = None, *, observers: Iterable[Any] = ()) -> None:
         """Run with observers: objects with on_start(sim), on_frame(frame), on_end(sim), each
-        optional; a plain callable is on_frame.
-
-        An observer whose attribute `looks_every` is n asks a frame for positions, or the simulation
-        for anything, in every n-th frame only (0: never); in the others for `Frame.probes` and
-        `Frame.energy` at the most.  Frames between such looks share a launch.
+        optional; a plain callable is on_frame (see `running`).
         """
-        watching = list(observers)
-        on_frame = [hook(observer, "on_frame") for observer in watching]
-        for observer in watching:
-            hook(observer, "on_start")(self)
-        try:
-            for frame in self._frames_together(self._count(seconds), watching):
-                for tell in on_frame:
-                    tell(frame)
-        finally:
-            for observer in watching:
-                hook(observer, "on_end")(self)
+        run(self, self._count(seconds), list(observers))
 
-    def _frames_together(self, count: int, observers: list[Any]) -> Iterator[Frame]:
-        every = [getattr(observer, "looks_every", 1) for observer in observers] or [0]
-        begun, last = self.frame, self.frame + count
-        yield self.here()
-        while self.frame < last:
-            first = self.frame
-            free = [n - first % n for n in every if n] + [last - first]
-            records = self.make_frames(min(free)) if first >= begun + ALONE else []
-            if not records:
-                yield self.step()
-                continue
-            for k, record in enumerate(records, 1):
-                index = first + k
-                told = record if index < self.frame else None
-                yield Frame(self, index, index / self.scene.frame_rate, told)
+    def told(self, index: int, record: Floats) -> Frame:
+        """A frame of those just made together: the last is the present one."""
+        time = index / self.scene.frame_rate
+        return Frame(self, index, time, record if index < self.frame else None)
 
     # -- checkpoints ---------------------------------------------------------------------------
 

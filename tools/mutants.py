@@ -1,7 +1,7 @@
 """Mutation run: which one-line changes of the source would no test notice?
 
     python tools/mutants.py laws stable               # folders of tisoft/
-    python tools/mutants.py models/laws.py --tests tests/models tests/physics -o /tmp/laws
+    python tools/mutants.py models/laws.py --tests tests/models tests/physics -o laws-mutants
 
 Cosmic Ray finds the places and makes the mutants.  Each is written to disk, in a copy of the source
 (Taichi compiles kernels from their files), and meets a fresh pytest process that stops at the first

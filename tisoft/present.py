@@ -1,0 +1,217 @@
+"""A scene in the engine: its system, limits and watchers; what its present state comes to; and what
+the caller changes between frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tisoft import runtime
+from tisoft.equilibrium.damping import damped_body
+from tisoft.model.number_range import check_bound, check_range
+from tisoft.model.part import Part
+from tisoft.model.system import System
+from tisoft.obstacles import OBSTACLES
+from tisoft.scene import Scene
+from tisoft.stable.guard import Recovery
+from tisoft.stable.limit import StepLimit
+from tisoft.stable.watch import Watch
+from tisoft.step.account import Account
+from tisoft.step.loading import Loading, external_forces
+from tisoft.step.observe import Observer
+from tisoft.step.pins import Holder
+from tisoft.step.stepper import Rules, Stepper
+
+Floats = NDArray[np.float64]
+
+
+class Present:
+    """The scene of a Simulation, which has the arguments, and its present state.
+
+    Raises:
+        SceneError: a scene that cannot run, with the field that says why.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        precision: str,
+        certify: bool,
+        threads: int | None,
+        ledger: bool,
+    ) -> None:
+        self.scene = scene
+        self.precision = precision
+        self.certify = certify
+        self.time = 0.0
+        self.frame = 0
+        self.substeps = 0
+        self.steps: list[float] = []
+        self.recoveries: list[Recovery] = []
+        self.half_step_lag = 0.0
+        """The step [s] by half of which the system's velocities lag behind, or 0."""
+        self.since_look = 0
+        """Substeps since the limit was looked at."""
+        self.next_look = 1
+        """Substeps after which it is to be looked at again."""
+        self.wall_seconds = 0.0
+        self._compiled = runtime.compile_seconds
+        with np.errstate(all="ignore"):  # what leaves the range of floats is refused by name
+            probes = [
+                (scene.bodies.index(b), node) for b, node in map(scene.probed_node, scene.probes)
+            ]
+            bodies = [damped_body(body) for body in scene.bodies]
+            self.system = System(bodies, precision, probes)
+            check_range(self.system, scene)
+            self.limit = StepLimit(self.system, scene.integrator)
+            check_bound(self.limit.rest_bound(), self.system)
+        self.observer = Observer(self.system)
+        self.watch = Watch(self.system, self.limit)
+        self._models = [body.model for body in scene.bodies]
+        self._gravity = tuple(scene.gravity)
+        self._obstacles: tuple[Any, ...] = ()
+        self._set_start()
+        self.account: Account | None = None
+        self.loading = Loading(self.system)
+        self.holder = Holder(self.system)
+        self._threads = threads
+        self._compile(ledger)
+
+    def _compile(self, ledger: bool) -> None:
+        self.place_obstacles()
+        if ledger:
+            self.open_account()
+        self.stepper = self._make_stepper()
+        self.holder.begin(0.0, 0.0)
+        self.limit.follow()
+        self.stepper.compile()
+
+    @property
+    def compile_seconds(self) -> float:
+        """Seconds that compiling kernels has taken since this simulation was begun."""
+        return runtime.compile_seconds - self._compiled
+
+    def _make_stepper(self) -> Stepper:
+        stepper = Stepper(self.system, self._rules(), threads=self._threads)
+        stepper.loaded = self.loading.loads or self.loading.pressure
+        return stepper
+
+    def _rules(self) -> Rules:
+        contact = bool(self.scene.obstacles)
+        return Rules(self.scene.integrator, contact, self.account is not None)
+
+    def _set_start(self) -> None:
+        """Initial velocities: v + ω × (x − centre of mass)."""
+        v = np.zeros((self.system.count, 3))
+        for part in self.system.parts:
+            x = self.system.rest_host[part.nodes]
+            middle = part.mass @ x / part.mass.sum()
+            v[part.nodes] = part.body.velocity + np.cross(part.body.spin, x - middle)
+        if v.any():
+            self.system.set_motion(np.zeros_like(v), v)
+
+    def open_account(self) -> None:
+        """Begin a ledger with the present state."""
+        table = self.observer.energies(self.scene.gravity)
+        self.account = Account(sum(table.values()))
+
+    # -- what the caller changed ---------------------------------------------------------------
+
+    def place_obstacles(self) -> None:
+        """Tell the kernels where obstacles are, seen from the bodies' origins."""
+        self._obstacles = tuple(self.scene.obstacles)
+        if self._obstacles:
+            shapes = list(OBSTACLES.values())
+            self.system.set_obstacles(
+                self._obstacles, [shapes.index(type(o)) for o in self._obstacles]
+            )
+
+    def take_changes(self) -> bool:
+        """Take over what the caller changed since the last frame; returns whether materials or
+        gravity did.
+        """
+        models = [body.model for body in self.scene.bodies]
+        changed = any(a is not b for a, b in zip(models, self._models, strict=True))
+        gravity = tuple(self.scene.gravity)
+        others = changed or gravity != self._gravity
+        if others:
+            before = self._stored() if self.account is not None else 0.0
+            self._gravity = gravity
+            if changed:
+                self._reread(models)
+            if self.account is not None:
+                self.account.external_work += self._stored() - before
+        if any(a is not b for a, b in zip(self.scene.obstacles, self._obstacles, strict=False)) or (
+            len(self.scene.obstacles) != len(self._obstacles)
+        ):
+            self.place_obstacles()
+        if self.loading.refresh():
+            self.stepper.loaded = self.loading.loads or self.loading.pressure
+        if self._rules() != self.stepper.rules:
+            self.stepper = self._make_stepper()
+            self.stepper.compile()
+        return others
+
+    def _stored(self) -> float:
+        """T + W + G [J] of the present state, under the gravity that was known last."""
+        return sum(self.observer.energies(self._gravity).values())
+
+    def _reread(self, models: Sequence[Any]) -> None:
+        for part, body in zip(self.system.parts, self.scene.bodies, strict=True):
+            part.body = damped_body(body)
+        self.system.reread_models()
+        self._models = list(models)
+        self.limit.refresh()
+
+    # -- the present state ---------------------------------------------------------------------
+
+    def is_driven(self) -> bool:
+        """Whether loads or moved pins do work on the bodies."""
+        return self.holder.is_moving or any(part.body.loads for part in self.system.parts)
+
+    def acceleration(self) -> Floats:
+        """Acceleration of all nodes [m/s²] in the present state, internal order; 0 on held axes."""
+        system = self.system
+        force = self.observer.forces()
+        if self.loading.pressure:  # it follows the surface, so it is that of this very state
+            force += external_forces(system.parts, self.time, system.world())
+        elif self.loading.loads:
+            force += system.loads()[0]
+        a = force / system.mass[:, None] + np.asarray(self.scene.gravity)
+        drag = np.array([part.body.model.point_damping for part in system.parts])
+        a -= drag[system.body][:, None] * system.v
+        a[(self.holder.held[:, None] & np.array([1, 2, 4])) != 0] = 0.0
+        return a
+
+    def whole_velocities(self) -> Floats:
+        """Velocities [m/s] of all nodes at the present time, internal order."""
+        v = self.system.v.astype(np.float64)
+        if self.half_step_lag:  # the scheme's velocity lives half a step earlier
+            v += 0.5 * self.half_step_lag * self.acceleration()
+        return v
+
+    def energies(self) -> dict[str, float]:
+        """Kinetic, elastic and gravity energy [J]."""
+        table = self.observer.energies(self.scene.gravity)
+        if self.half_step_lag:
+            squares = (self.whole_velocities() ** 2).sum(axis=1)
+            table["kinetic"] = 0.5 * float(self.system.mass @ squares)
+        return table
+
+    def present(self) -> tuple[dict[str, float], float]:
+        """Energies [J] of the present state, and the power v·f [W] of all conservative forces."""
+        if not self.half_step_lag:
+            return self.observer.energies_and_power(self.scene.gravity)
+        f = self.observer.forces()
+        f += self.system.mass[:, None] * np.asarray(self.scene.gravity)
+        return self.energies(), float(np.einsum("ij,ij->", self.whole_velocities(), f))
+
+    @property
+    def parts(self) -> list[Part]:
+        """The bodies' shares of the arrays."""
+        return self.system.parts
