@@ -51,6 +51,7 @@ class Part:
     place: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
     """Batch · lanes + lane of each of its cells in its block."""
     shift: Floats = field(default_factory=lambda: np.zeros(3))
+    _known_frequencies: dict[tuple[float, float], Floats] = field(default_factory=dict)
     kind: tuple[str, str] | None = None
     """Law and mass that the arrays were built for; None for springs."""
 
@@ -157,11 +158,23 @@ class Part:
         model, rest = self.body.model, self.tet_rest
         assert isinstance(model, SolidModel)
         scale = (20.0 if self.is_consistent else 4.0) / model.density
-        omega2 = scale * tet4.Tet4.frequency(rest, model.lame_lambda, model.lame_mu)
+        omega2 = scale * self._stiffest(model.lame_lambda, model.lame_mu)
         rate = np.zeros(len(rest))
         if self.is_viscous():
-            rate = scale * tet4.Tet4.frequency(rest, model.phi, model.eta)
-        return omega2, rate, scale * tet4.Tet4.spread_square(rest)
+            rate = scale * self._stiffest(model.phi, model.eta)
+        return omega2, rate, scale * self._spread
+
+    def _stiffest(self, lam: float, mu: float) -> Floats:
+        """`Tet4.frequency`, which is proportional to its constants: found once for each ratio."""
+        unit = (lam / mu, 1.0) if mu > 0.0 else (1.0, 0.0)
+        key = round(unit[0], 12), unit[1]
+        if key not in self._known_frequencies:
+            self._known_frequencies[key] = tet4.Tet4.frequency(self.tet_rest, *unit)
+        return (mu if mu > 0.0 else lam) * self._known_frequencies[key]
+
+    @cached_property
+    def _spread(self) -> Floats:
+        return tet4.Tet4.spread_square(self.tet_rest)
 
     def reread(self) -> None:
         """Take numbers anew from the body's model.
