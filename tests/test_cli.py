@@ -56,7 +56,14 @@ cloth = { size = [1, 1], cells = [3, 3], diagonals = false }
 RESULT_KEYS = {
     *("status", "time", "frames", "substeps", "step", "step_range", "stable_step"),
     *("limiting_element", "nodes", "elements", "springs", "wall_seconds", "compile_seconds"),
-    *("start_seconds", "element_substeps_per_second", "real_time_factor", "arch", "precision"),
+    *(
+        "start_seconds",
+        "setup_seconds",
+        "element_substeps_per_second",
+        "real_time_factor",
+        "arch",
+        "precision",
+    ),
     *("energy", "probes", "recoveries", "warnings"),
 }
 ENERGY_KEYS = {"kinetic", "elastic", "gravity", "dissipated", "external_work", "error"}

@@ -34,7 +34,7 @@ from tisoft.models import materials
 from tisoft.obstacles import OBSTACLES
 from tisoft.whole_files import written
 
-VERSION = 3
+VERSION = 2
 DIGEST = hashlib.sha256().digest_size
 
 _CLASSES: dict[str, Any] = {

@@ -56,12 +56,13 @@ def read(path: str | os.PathLike[str]) -> tuple[Any, dict[str, NDArray[Any]]]:
 def put(simulation: Motion, content: Any, arrays: dict[str, NDArray[Any]]) -> None:
     """Set a freshly made simulation of the same scene to a checkpoint's state."""
     system = simulation.system
-    wanted = (system.count, 3)
-    if arrays["u"].shape != wanted or arrays["v"].shape != wanted:
-        raise SceneError(
-            f"the checkpoint holds {len(arrays['u'])} nodes and the scene {system.count}; "
-            "run the scene anew"
-        )
+    for name in ARRAYS:
+        wanted = (system.count,) if name == "held" else (system.count, 3)
+        if arrays[name].shape != wanted:
+            raise SceneError(
+                f"the checkpoint holds {len(arrays[name])} nodes and the scene {system.count}; "
+                "run the scene anew"
+            )
     for part, shift in zip(simulation.parts, arrays["shifts"], strict=True):
         part.shift = shift
     system.set_motion(arrays["u"], arrays["v"])

@@ -187,7 +187,7 @@ class Simulation(Motion):
 
     def stable_step(self) -> float:
         """A step [s] that is certainly stable in the present state."""
-        return self.limit.bound()
+        return self.limit.present()
 
     @cached_property
     def measures(self) -> Measures:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import sys
-from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from tisoft import runtime
+from tisoft import runtime, stops
 from tisoft.commands import common
 from tisoft.errors import SceneError
 from tisoft.folders import Owner
@@ -102,24 +100,29 @@ def draw(
 def _show(film: Film, scene: Scene, track: Any, options: argparse.Namespace) -> None:
     """Draw what a run has left, with a view of all of it."""
     from tisoft.observers.framing import Survey
+    from tisoft.observers.progress import Progress
     from tisoft.observers.scenery import Scenery, actors_of, followed_by
 
     actors = getattr(track, "actors", None) or actors_of(scene)
     survey = Survey.of(track, followed_by(scene, actors))
     film.scenery = Scenery(scene, actors, survey)
-    for snapshot in _counted(track, options):
-        film.show(snapshot)
+    progress = Progress("drawing", quiet=options.quiet)
+    progress.begin(len(track) - 1)
+    try:
+        with stops.between_frames():
+            for index, snapshot in enumerate(track):
+                film.show(snapshot)
+                progress.on_frame(Picture(index))
+                stops.raise_if_asked()
+        stops.raise_if_asked()
+    finally:
+        progress.on_end()
 
 
-def _counted(snapshots: Any, options: argparse.Namespace) -> Iterator[Any]:
-    """The snapshots, counted on standard error where that is a terminal."""
-    from tqdm import tqdm
+class Picture(NamedTuple):
+    """A picture of a film."""
 
-    quiet = True if options.quiet else None  # None: only on a terminal
-    shown: Iterable[Any] = tqdm(
-        snapshots, desc="drawing", unit="frame", file=sys.stderr, disable=quiet, leave=False
-    )
-    yield from shown
+    index: int
 
 
 def _draw_saved(options: argparse.Namespace) -> int:

@@ -6,10 +6,19 @@ import contextlib
 import math
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Protocol
 
 from tisoft import stops
 from tisoft.simulation import Frame, Simulation
+
+
+class Counted(Protocol):
+    """A frame, or a picture of one."""
+
+    @property
+    def index(self) -> int:
+        """Its number."""
+        ...
 
 
 class Progress:
@@ -23,13 +32,16 @@ class Progress:
         self._bar: Any = None
 
     def on_start(self, sim: Simulation) -> None:
+        self.begin(round(sim.scene.duration * sim.scene.frame_rate), sim.frame)
+
+    def begin(self, frames: int, first: int = 0) -> None:
+        """Count from frame `first` to `frames`."""
         from tqdm import tqdm
 
-        self._first = sim.frame
-        frames = round(sim.scene.duration * sim.scene.frame_rate)
+        self._first = first
         self._bar = tqdm(
             total=frames,
-            initial=sim.frame,
+            initial=first,
             desc=self.label,
             unit="frame",
             file=sys.stderr,
@@ -37,12 +49,12 @@ class Progress:
             leave=False,
         )
 
-    def on_frame(self, frame: Frame) -> None:
+    def on_frame(self, frame: Counted) -> None:
         if frame.index > self._first:
             with contextlib.suppress(OSError):  # the terminal was closed
                 self._bar.update()
 
-    def on_end(self, sim: Simulation) -> None:
+    def on_end(self, sim: Simulation | None = None) -> None:
         if self._bar is not None:
             with contextlib.suppress(OSError):
                 self._bar.close()

@@ -108,17 +108,24 @@ class StepLimit:
             self._launch(self.system.scene)
 
     def bound(self) -> float:
-        """A step [s] that is never above the limit, in the present state."""
+        """A step [s] that is never above the limit, in the state looked at last."""
         return min(self._tets_bound(), self._still_step, self.spring_step)
+
+    def present(self) -> float:
+        """The same of the very present state, whenever it was looked at for the step."""
+        return min(self._tets_now(), self._still_step, self.spring_step)
 
     def _tets_bound(self) -> float:
         if self._bound is None:
-            self.follow()
-            least = NO_LIMIT
-            if self._launch is not None:
-                least = float(self.system.state.least_limit[self.system.scene])
-            self._bound = np.inf if least >= NO_LIMIT else least * ROUNDING
+            self._bound = self._tets_now()
         return self._bound
+
+    def _tets_now(self) -> float:
+        if self._launch is None:
+            return np.inf
+        self.follow()
+        least = float(self.system.state.least_limit[self.system.scene])
+        return np.inf if least >= NO_LIMIT else least * ROUNDING
 
     def inverted(self) -> int:
         """Tets that are inside out (J ≤ 0) in the state looked at last."""
