@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from tisoft import runtime, stops
 from tisoft.commands import common
@@ -119,7 +120,8 @@ def _show(film: Film, scene: Scene, track: Any, options: argparse.Namespace) -> 
         progress.on_end()
 
 
-class Picture(NamedTuple):
+@dataclass(frozen=True)
+class Picture:
     """A picture of a film."""
 
     index: int
