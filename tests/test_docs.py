@@ -62,6 +62,7 @@ def test_code_block(kind, text, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "demos").symlink_to(shipped("demos"))
     (tmp_path / "assets").symlink_to(shipped("assets"))
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
     if kind == "toml":
         assert run_scene(text, tmp_path) == 0
         assert json.loads(capsys.readouterr().out)["warnings"] == []

@@ -280,7 +280,7 @@ def test_bodies_are_drawn_where_they_are_now_in_the_colours_of_now(tmp_path):
     path.write_text(TWO, encoding="utf-8")
     out = tmp_path / "pictures"
     assert main(["render", str(path), "-o", str(out), "--quiet", "--color", "speed"]) == 0
-    first, *_, last = (np.asarray(Image.open(p)).astype(int) for p in sorted(out.iterdir()))
+    first, *_, last = (np.asarray(Image.open(p)).astype(int) for p in sorted(out.glob("*.png")))
 
     def seen(shot, left, right):
         warm = shot[..., 0] > shot[..., 2] + 20  # yellow to red, before a bluish backdrop

@@ -199,7 +199,7 @@ def test_the_few_lines_say_what_the_object_says(tmp_path, capsys):
     head = text.splitlines()[0]
     assert head.startswith(f"0.3 s in 6 frames, {told['substeps']} substeps of ")
     low, high = (f"{1e3 * step:.3g}" for step in told["step_range"])
-    assert f" of {low} to {high} ms: " in head
+    assert f" of {low if low == high else f'{low} to {high}'} ms: " in head
     wall, factor = re.search(r"ms: ([\d.]+) s, (\S+) x real time", head).groups()
     assert float(wall) * float(factor) == pytest.approx(0.3, rel=0.1)
     for line, name in zip(text.splitlines()[1:3], ("tip", "rim"), strict=True):
