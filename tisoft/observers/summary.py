@@ -72,13 +72,17 @@ def as_text(result: dict[str, Any]) -> str:
     steps = f"{low:.3g}" if f"{low:.3g}" == f"{high:.3g}" else f"{low:.3g} to {high:.3g}"
     lines = [
         f"{result['time']:g} s in {result['frames']} frames, {result['substeps']} substeps of "
-        f"{steps} ms: {result['wall_seconds']:.2f} s, "
+        f"{steps} ms: {_seconds(result['wall_seconds'])} s, "
         f"{result['real_time_factor']:.3g} x real time"
     ]
     for name, probe in result["probes"].items():
         at, moved = (_vector(probe[key]) for key in ("position", "displacement"))
         lines.append(f"probe {shown(name)} is at {at} m, {moved} m from rest")
     return "\n".join(lines)
+
+
+def _seconds(seconds: float) -> str:
+    return f"{seconds:.2f}" if seconds >= 1.0 else f"{seconds:.3g}"
 
 
 def _vector(values: list[float]) -> str:
