@@ -27,6 +27,8 @@ SPARE = 200
 eight substeps): 4 % of the run."""
 PATIENCE = 2000
 """Substeps through which a longer step must have been allowed before it is taken."""
+ASSEMBLED = 30_000
+"""Tets up to which a matrix is sooner made than a kernel compiled."""
 ROUNDING = 1.0 - 1e-5
 """The tets' limits are computed in f32 at the least; this keeps their rounding on the safe side."""
 
@@ -152,7 +154,7 @@ class StepLimit:
         return step, products
 
     def _operators(self, part: Part, *, at_rest: bool) -> Any:
-        if at_rest and not part.is_springs:
+        if at_rest and 0 < len(part.tets) <= ASSEMBLED:
             return AtRest(part)
         if part.index not in self._elastic:
             self._elastic[part.index] = Elastic(part)
