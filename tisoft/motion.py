@@ -1,6 +1,6 @@
 """How a scene moves on: substeps in stretches, steps that follow the limit, under the guard's eyes.
 
-A frame is one stretch, or several where it is long.  After LOOK substeps the limit and what a run
+A frame is one stretch, or several where it is long.  After AGAIN substeps the limit and what a run
 tells are looked at again, at the end of the stretch.  Frames that nobody looks at one by one share
 a launch (`make_frames`); they come out bit for bit as frames made one by one.
 """
@@ -23,8 +23,10 @@ from tisoft.stable.guard import Guard
 
 Floats = NDArray[np.float64]
 
+AGAIN = 32
+"""Substeps after which the stable step is looked at again, at the end of a frame."""
 LOOK, LOOK_WORK = 64, 30_000
-"""Substeps, or tet-substeps in small scenes, after which the stable step is looked at again."""
+"""Substeps, or tet-substeps in small scenes, after which it is even within a frame."""
 MOST_SUBSTEPS = 1e9
 """Substeps that a frame may have: hours of stepping, before which no frame would be seen."""
 
@@ -205,7 +207,7 @@ class Motion(Present):
         """
         moved = False
         u, v = self.system.motion()
-        self.next_look = self.look
+        self.next_look = AGAIN
         step = self.steps[-1]
         gravity = float(np.linalg.norm(self.scene.gravity))
         for part in self.system.parts:
@@ -219,7 +221,7 @@ class Motion(Present):
             speed = float(np.linalg.norm(v[part.nodes].mean(axis=0, dtype=np.float64)))
             # The speed grows by g t at the most: speed t + g t² = size/2.
             time = part.size / (speed + math.sqrt(speed * speed + 2.0 * gravity * part.size) or 1.0)
-            if time < self.look * step:
+            if time < AGAIN * step:
                 self.next_look = max(1, min(self.next_look, int(time / step)))
         if moved:
             self.place_obstacles()
