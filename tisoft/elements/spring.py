@@ -59,6 +59,15 @@ class Spring:
 
     @staticmethod
     @ti.func
+    def inverse(length):
+        """1/L [1/m]; 0 of a spring without length, which has no direction."""
+        result = 0.0 * length
+        if length > 0.0:
+            result = 1.0 / length
+        return result
+
+    @staticmethod
+    @ti.func
     def pull(f, first: ti.template(), lane, out: ti.template()):
         """f on end i and −f on end j, into rows of `out` from `first` on."""
         for d in ti.static(range(3)):
@@ -79,9 +88,7 @@ class Spring:
         """Forces on the ends [N]; rows 6..11 of `out`, where it has them, get the damper's."""
         y, change = Spring.stretched(rest, u, lane)
         length = y.norm()
-        inverse = 0.0 * length
-        if length > 0.0:
-            inverse = 1.0 / length
+        inverse = Spring.inverse(length)
         tension = rest[5, lane] * Spring.elongation(rest, change, length, lane)
         rate = ti.Vector([v[3 + d, lane] - v[d, lane] for d in range(3)]).dot(y) * inverse
         damping = rest[6, lane] * rate
@@ -112,9 +119,7 @@ class Spring:
         """K(u) w [N]."""
         y, change = Spring.stretched(rest, u, lane)
         length = y.norm()
-        inverse = 0.0 * length
-        if length > 0.0:
-            inverse = 1.0 / length
+        inverse = Spring.inverse(length)
         k = rest[5, lane]
         pull = k * Spring.elongation(rest, change, length, lane) * inverse  # T/L
         n = inverse * y

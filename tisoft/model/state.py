@@ -258,15 +258,6 @@ class State:
                 self.drive[first + k][d] = drive[k, d]
 
     @ti.kernel
-    def read_fixed(self, first: int, fixed: A, drive: A):
-        """Read what pins hold and how they move."""
-        ti.loop_config(serialize=self.serial)
-        for k in range(fixed.shape[0]):
-            fixed[k] = self.fixed[first + k]
-            for d in ti.static(range(3)):
-                drive[k, d] = self.drive[first + k][d]
-
-    @ti.kernel
     def write_places(self, first: int, nodes: A, axes: A, places: A):
         """Write components of u [m] of some nodes: those whose bits are set in `axes`."""
         ti.loop_config(serialize=self.serial)
