@@ -40,7 +40,7 @@ COMMANDS = {
     "swing": ["modes", "beam.toml", "-n", "1", "-o", "swing.gif"],
     "check": ["check", "beam.toml", "--picture", "check.png"],
     "stability": ["stability", "beam.toml", "-o", "out", "--only", "step-damping,diagonals"],
-    "demo": ["demo", "cantilever", "--set", "duration=0.1", "--size", "32x32", "-o", "."],
+    "demo": ["demo", "nets", "--set", "duration=0.1", "--size", "32x32", "-o", "."],
 }
 SHARE = {"run": 5, "frequent": 5, "stability": 1, "swing": 1}
 """How often a command is taken; the others three times."""
