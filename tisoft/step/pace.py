@@ -8,23 +8,30 @@ CELLS_PER_THREAD = 150
 TRIAL, TRIAL_WORK = 4, 40_000
 """Substeps, or cell-substeps, of the launch that tries several threads again: so many that calling
 them does not count, so few that waiting for a busy core does not hurt."""
-LONGEST_WAIT = 4096
-"""Launches with one thread at the most before several are tried again."""
+LONGEST_WAIT = 64
+"""Launches with one thread at the most before several are tried again: a trial is so short beside
+them that even a hundredfold wait for a core costs little."""
+RENEWED = 256
+"""Launches with several threads, after which one runs alone to tell what alone costs by then."""
+SLOWER = 1.2
+"""Several threads give way to one when a substep takes so many times as long."""
 
 
 class Pace:
     """Chooses between one thread and several.
 
     Threads meet at barriers, so on a busy machine one that must wait for a core makes all wait.
-    Where several threads turn out slower than one, one takes over for a while, twice as long each
-    time.
+    Where several threads turn out slower than one was a moment ago, one takes over for a while,
+    twice as long each time.  A neighbour that slows both is no reason: after each launch that was
+    too slow, the next one runs alone and says what alone costs *now*.
     """
 
     def __init__(self, most: int) -> None:
         self.most = most
-        self.alone = np.inf  # seconds per substep with one thread
+        self.alone = np.inf  # seconds per substep of the last launch with one thread
         self.penalty = 1
-        self.trial = True
+        self.trial = most > 1
+        self.together = 0  # launches with several threads since one ran alone
         self.wait = 0 if most == 1 else 1  # the first launch runs alone: what others must beat
 
     def threads(self) -> int:
@@ -38,10 +45,12 @@ class Pace:
     def took(self, threads: int, seconds: float) -> None:
         """Note the seconds per substep of a launch."""
         if threads == 1:
-            self.alone = min(seconds, 1.02 * self.alone)
-            self.wait -= 1
-        elif seconds > 1.2 * self.alone:
-            self.wait, self.penalty = self.penalty, min(4 * self.penalty, LONGEST_WAIT)
-            self.trial = True
-        else:
+            self.alone = seconds
+            self.wait, self.together = self.wait - 1, 0
+        elif seconds <= SLOWER * self.alone:
             self.penalty, self.trial = 1, False
+            self.together += 1
+            self.wait = int(self.together == RENEWED)
+        else:
+            self.wait, self.trial = self.penalty, True
+            self.penalty = min(2 * self.penalty, LONGEST_WAIT)
