@@ -8,6 +8,7 @@ import contextlib
 import copy
 import datetime
 import io
+import os
 import json
 import math
 import re
@@ -268,14 +269,15 @@ def laboratory(tmp_path_factory):
 
 
 FAST = settings(
-    max_examples=100,
+    max_examples=50,
     deadline=None,
     derandomize=True,
     database=None,
     suppress_health_check=list(HealthCheck),
 )
-FULL = settings(FAST, max_examples=2000)
-MANY = settings(FAST, max_examples=500)
+THOROUGH = int(os.environ.get("TISOFT_THOROUGH", "1"))
+FULL = settings(FAST, max_examples=500 * THOROUGH)
+MANY = settings(FAST, max_examples=200 * THOROUGH)
 
 
 @FAST

@@ -28,14 +28,13 @@ def _scene(integrator, precision, mass):
     return scene
 
 
-@pytest.mark.parametrize("precision", ["f32", "f64"])
 @pytest.mark.parametrize(
-    ("integrator", "mass"),
+    ("integrator", "mass", "precision"),
     [
-        ("symplectic-euler", "lumped"),
-        ("velocity-verlet", "lumped"),
-        ("symplectic-euler", "consistent"),
-        ("velocity-verlet", "consistent"),
+        ("symplectic-euler", "lumped", "f32"),
+        ("velocity-verlet", "lumped", "f32"),
+        ("symplectic-euler", "consistent", "f64"),
+        ("velocity-verlet", "consistent", "f64"),
     ],
 )
 def test_launches_per_substep_agree_with_one_launch_a_frame(integrator, mass, precision):
@@ -64,11 +63,10 @@ def test_launches_of_any_length_give_the_same_bits():
     assert np.array_equal(*(v for _, v in results))
 
 
-@pytest.mark.parametrize("mass", ["lumped", "consistent"])
-def test_launches_keep_the_same_account_under_loads(mass):
+def test_launches_keep_the_same_account_under_loads():
     rows = []
     for plain in (False, True):
-        scene = _scene("velocity-verlet", "f64", mass)
+        scene = _scene("velocity-verlet", "f64", "consistent")
         scene.bodies[0].load(ts.where.everything(), pressure=100.0)
         scene.bodies[1].load(ts.where.everything(), force=(1, 0, 0))
         sim = Simulation(scene, certify=False, threads=1, ledger=True)

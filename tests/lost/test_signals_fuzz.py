@@ -38,12 +38,8 @@ def assert_nothing_was_lost(found):
     assert len(stopped) > len(found) / 4  # the others had come to their end
 
 
-def test_signals_at_random_moments_of_a_run(tmp_path):
-    assert_nothing_was_lost(cases(tmp_path, 12, "run,frequent"))
-
-
 @pytest.mark.slow
 def test_signals_at_random_moments_of_every_command_that_writes(tmp_path):
-    found = cases(tmp_path, 200, "")
+    found = cases(tmp_path, 60 * int(os.environ.get("TISOFT_THOROUGH", "1")), "")
     assert_nothing_was_lost(found)
-    assert sum(case.get("resumed", False) for case in found) > 5
+    assert sum(case.get("resumed", False) for case in found) > 2
