@@ -34,7 +34,7 @@ from tisoft.models import materials
 from tisoft.obstacles import OBSTACLES
 from tisoft.whole_files import written
 
-VERSION = 2
+VERSION = 3
 DIGEST = hashlib.sha256().digest_size
 
 _CLASSES: dict[str, Any] = {

@@ -114,8 +114,6 @@ class Motion(Present):
             u, v = self.system.motion()
             self.system.set_motion(u, v - 0.5 * step * self.acceleration())
             self.half_step_lag = step
-        if self.steps:
-            self.change_step(self.steps[-1], step)
         begun = _stepping_clock()
         if self.guard is None:
             self.stretches(1, count, step, math.inf)
@@ -127,6 +125,7 @@ class Motion(Present):
         if self.account is not None:
             self.account.collect(*self.stepper.work(0))
         self.steps.append(step)
+        self.half_step_lag = step if self.half_step_lag else 0.0
         self.time = end
         self._looked(count)
         self.wall_seconds += _stepping_clock() - begun
@@ -182,24 +181,15 @@ class Motion(Present):
 
     def stretches(self, count: int, substeps: int, step: float, most_kinetic: float) -> int:
         """Make bare stretches; returns how many were made (see `Stepper.stretches`)."""
-        return self.stepper.stretches(count, substeps, step, self.scene.gravity, most_kinetic)
+        before = self.steps[-1] if self.steps else step
+        return self.stepper.stretches(
+            count, substeps, step, self.scene.gravity, most_kinetic=most_kinetic, before=before
+        )
 
     def substep(self, count: int, step: float) -> None:
         """`count` bare substeps of `step` [s], which nothing watches."""
-        self.stretches(1, count, step, math.inf)
+        self.stepper.advance(count, step, self.scene.gravity)
         self.limit.moved()
-
-    def change_step(self, before: float, after: float) -> None:
-        """Bring velocities from one step to another [s].
-
-        Symplectic Euler is the leapfrog method whose velocity lives half a step before its
-        position: v(t − h/2).  Without the shift each change would kick the energy by its difference
-        of (h/2) v·f, and a step that follows the swings of a body would pump it up.
-        """
-        plain = self.scene.integrator == "symplectic-euler" and not self.system.consistent
-        if plain and abs(after - before) > 1e-9 * before:
-            u, v = self.system.motion()
-            self.system.set_motion(u, v + 0.5 * (before - after) * self.acceleration())
 
     def _recenter(self) -> None:
         """Move a body's origin after it where it has travelled: u stays small, so exact in f32; and

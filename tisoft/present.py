@@ -211,6 +211,13 @@ class Present:
         f += self.system.mass[:, None] * np.asarray(self.scene.gravity)
         return self.energies(), float(np.einsum("ij,ij->", self.whole_velocities(), f))
 
+    def fallen(self, number: int) -> float:
+        """Energy [J] that gravity has given from the rest positions to the end of stretch `number`
+        of the last launch.
+        """
+        record = self.stepper.records(number + 1)[number, 0]
+        return -self.observer.table(record, self.scene.gravity)["gravity"]
+
     @property
     def parts(self) -> list[Part]:
         """The bodies' shares of the arrays."""

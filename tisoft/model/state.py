@@ -28,7 +28,7 @@ FIRST, LAST, PASSES, THREADS, LOADED, DONE, TRIPPED, PROBES, PROBE, RECORDS, CHU
 """Columns of `State.orders`."""
 POWER = 11
 """Column of a record: v·f [W] of elements and gravity, where `measure` made it."""
-STEP, GRAVITY, MOST_KINETIC = 0, 1, 4
+STEP, GRAVITY, MOST_KINETIC, KICK = 0, 1, 4, 5
 """Columns of `State.settings`."""
 OBSTACLE_NUMBERS = 8
 """Columns of an obstacle's numbers, friction last."""
@@ -139,7 +139,7 @@ class State:
         """What the last launch's frames came to: a row a frame, then one for each of its probes."""
         self.orders = field(ti.i32, "scenes", 11)
         """What the next launch is to do, and what the last one did; columns above."""
-        self.settings = field(wide, "scenes", 5)
+        self.settings = field(wide, "scenes", 6)
         """Step [s], gravity [m/s²], kinetic energy [J] above which a launch stops."""
         self.ranges = field(ti.i32, "scenes", RANGES)
         """What belongs to a scene."""
@@ -147,8 +147,10 @@ class State:
         """Threads that have come to the barrier."""
         self.tree = builder.finalize()
         self.vector, self.wide = vec3, wide
-        self.Now = ti.types.struct(h=real, gravity=vec3, loaded=ti.i32, opens=ti.i32, closes=ti.i32)
-        """Of a pass: step [s], gravity [m/s²], whether loads act, whether velocity Verlet opens or
+        self.Now = ti.types.struct(
+            h=real, kick=real, gravity=vec3, loaded=ti.i32, opens=ti.i32, closes=ti.i32
+        )
+        """Of a pass: step [s], seconds through which symplectic Euler's force acts, gravity [m/s²], whether loads act, whether velocity Verlet opens or
         closes a substep."""
         self.Moved = ti.types.struct(
             kick=real, before=vec3, after=vec3, jump=vec3, way=vec3, push=vec3

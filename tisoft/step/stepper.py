@@ -92,17 +92,26 @@ class Stepper:
         self.stretches(1, substeps, step, gravity)
 
     def stretches(
-        self, count: int, substeps: int, step: float, gravity: Any, most_kinetic: float = np.inf
+        self,
+        count: int,
+        substeps: int,
+        step: float,
+        gravity: Any,
+        *,
+        most_kinetic: float = np.inf,
+        before: float | None = None,
     ) -> int:
         """`count` stretches (FRAMES at the most) of `substeps` substeps; returns how many it made.
+
+        `before` is the step [s] that led here, where it was another one.
 
         They end early after one whose state is not finite, or whose kinetic energy [J] is above
         `most_kinetic`; `tripped` then tells.  The state at the start of the last one made is saved.
         """
         self.system.check_alive()
         for name, value in zip(
-            (columns.STEP, 1, 2, 3, columns.MOST_KINETIC),
-            (step, *gravity, min(most_kinetic, 1e300)),
+            (columns.STEP, 1, 2, 3, columns.MOST_KINETIC, columns.KICK),
+            (step, *gravity, min(most_kinetic, 1e300), 0.5 * ((before or step) + step)),
             strict=True,
         ):
             self.system.order("settings", name, float(value))

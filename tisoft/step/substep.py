@@ -20,6 +20,7 @@ from typing import Any
 
 import taichi as ti
 
+from tisoft.model.state import GRAVITY, KICK, LOADED, STEP
 from tisoft.step import consistent_mass, external, forces, ledger
 
 
@@ -76,12 +77,16 @@ def move_solved(s: ti.template(), i, row, now):
 @ti.func
 def now_of(s: ti.template(), scene, number, passes):
     """The `State.Now` of pass `number` of a stretch of `passes`.  Reads settings, orders."""
-    h = ti.cast(s.state.settings[scene, 0], s.state.real)
-    gravity = ti.Vector([ti.cast(s.state.settings[scene, 1 + d], s.state.real) for d in range(3)])
+    h = ti.cast(s.state.settings[scene, STEP], s.state.real)
+    kick = h
+    if number == 0:
+        kick = ti.cast(s.state.settings[scene, KICK], s.state.real)
+    gravity = ti.Vector([ti.cast(s.state.settings[scene, GRAVITY + d], s.state.real) for d in range(3)])
     return s.state.Now(
         h=h,
+        kick=kick,
         gravity=gravity,
-        loaded=s.state.orders[scene, 4],
+        loaded=s.state.orders[scene, LOADED],
         opens=number < passes - s.integrator.closing_passes,
         closes=number > 0,
     )
