@@ -39,9 +39,9 @@ def test_inverted_tets_are_counted_and_told():
     x[:, 2] *= -1.0
     sim.set_state(x, 0.0 * x)
     sim.step()
-    assert sim.watch.inverted == sim.system.tets
+    assert sim.watch.inverted == sim.system.elements
     (warning,) = sim.warnings
-    assert warning.startswith(f"{sim.system.tets} tets were inside out")
+    assert warning.startswith(f"{sim.system.elements} elements were inside out")
     assert "t = 0.02 s" in warning
 
 

@@ -80,7 +80,7 @@ def measure(
 
     scene = beam(size, model, precision=precision)
     sim = Simulation(scene, arch=arch, threads=threads)
-    elements = sim.system.tets or sim.system.springs
+    elements = sim.system.elements or sim.system.springs
     step = 0.5 * sim.limit.bound()
 
     def substeps(count: int) -> int:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tisoft import checks
 from tisoft.checks import FieldError, Vector, inside
-from tisoft.geometry.mesh import Mesh, SpringNet, TetMesh, present_numbers
+from tisoft.geometry.mesh import Mesh, SolidMesh, SpringNet, TetMesh, present_numbers
 from tisoft.geometry.skin import Skin
 from tisoft.loads import Load, Torque
 from tisoft.models.materials import MassSpring, Model, SolidModel
@@ -117,7 +117,7 @@ class Body:
                 return own
         picked = np.zeros(len(self.mesh.points), dtype=bool)
         picked[self.nodes(where)] = True
-        return np.flatnonzero(picked[self.mesh.surface].all(axis=1))
+        return self.mesh.boundary.within(picked)
 
     def springs(self) -> NDArray[np.int64]:
         """The two nodes of each spring of a MassSpring body, as rows of `mesh.points`, (n, 2)."""
@@ -136,7 +136,7 @@ class Body:
     def validate(self) -> None:
         """Check everything about this body; raises FieldError, the field relative to the body."""
         checks.name("name", self.name)
-        if not isinstance(self.mesh, (TetMesh, SpringNet)):
+        if not isinstance(self.mesh, (TetMesh, SolidMesh, SpringNet)):
             raise FieldError("mesh", "must be a mesh, as of tisoft.box or tisoft.read_mesh")
         if not isinstance(self.model, (SolidModel, MassSpring)):
             problem = "must be a model with its parameters, as ViscoElastic(1e6, 0.3, 1000.0)"
@@ -145,10 +145,10 @@ class Body:
         self.spin = checks.vector("spin", self.spin, unit="rad/s")
         if isinstance(self.model, MassSpring):
             self._check_springs(self.model)
-        elif len(self.mesh.tets) == 0:
+        elif self.mesh.elements == 0:
             problem = (
-                f"needs tets, and the mesh of {self.name!r} has none; use mass-spring, "
-                "or mesh the body's volume with tets"
+                f"needs tets or hexes, and the mesh of {self.name!r} has none; use mass-spring, "
+                "or mesh the body's volume"
             )
             raise FieldError("model", problem)
         self._check_regions()
@@ -185,14 +185,14 @@ class Body:
                 problem = f"has {len(given)} numbers for {count} {what}; give one for each"
                 raise FieldError(key, problem)
         sheet = model.thickness is not None and len(self.mesh.surface) > 0
-        if len(self.mesh.tets) or sheet:
+        if self.mesh.elements or sheet:
             return
         if model.density is not None:
-            problem = "needs a volume, and this mesh has no tets; give node_mass (kg)"
+            problem = "needs a volume, and this mesh has no cells; give node_mass (kg)"
             cloth = ", or thickness (m) beside it" if len(self.mesh.surface) else ""
             raise FieldError("density", problem + cloth, model.density)
         if model.needs_young:
-            problem = "is from-young, which needs a volume, and this mesh has no tets; give N/m"
+            problem = "is from-young, which needs a volume, and this mesh has no cells; give N/m"
             raise FieldError("stiffness", problem)
 
     def _check_pins(self, pins: list[Pin]) -> None:

@@ -28,7 +28,7 @@ from tisoft import loads, pins, scene, scene_parts, where
 from tisoft.body import Body
 from tisoft.errors import SceneError
 from tisoft.geometry import groups
-from tisoft.geometry.mesh import SpringNet, TetMesh
+from tisoft.geometry.mesh import SolidMesh, SpringNet, TetMesh
 from tisoft.geometry.skin import Skin
 from tisoft.models import materials
 from tisoft.obstacles import OBSTACLES
@@ -41,7 +41,7 @@ _CLASSES: dict[str, Any] = {
     cls.__name__ if module == "" else f"{module}.{cls.__name__}": cls
     for module, classes in {
         "": (
-            scene.Scene, Body, TetMesh, SpringNet, groups.Region, groups.NodeSet, Skin,
+            scene.Scene, Body, TetMesh, SolidMesh, SpringNet, groups.Region, groups.NodeSet, Skin,
             pins.Pin, pins.Turn, loads.Load, loads.Torque,
             *OBSTACLES.values(), scene_parts.Probe,
             scene_parts.Camera, scene_parts.Render, *materials.MODELS.values(),

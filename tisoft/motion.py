@@ -36,7 +36,7 @@ class Motion(Present):
 
     def __init__(self, scene: Scene, *, certify: bool, **options: Any) -> None:
         super().__init__(scene, certify=certify, **options)
-        self.look = max(LOOK, LOOK_WORK // max(1, self.system.tets))
+        self.look = max(LOOK, LOOK_WORK // max(1, self.system.elements))
         self.guard = Guard(self) if certify else None
 
     def refresh(self) -> None:

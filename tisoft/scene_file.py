@@ -185,7 +185,7 @@ def _add_body(scene: Scene, table: Any, field: str, folder: Path) -> None:
 def _check_size(scene: Scene, mesh: Mesh, field: str) -> None:
     """Many bodies must not have together what one body may not have."""
     meshes = [mesh, *(body.mesh for body in scene.bodies)]
-    count = sum(len(m.edges) if isinstance(m, SpringNet) else len(m.tets) for m in meshes)
+    count = sum(len(m.edges) if isinstance(m, SpringNet) else m.elements for m in meshes)
     if count > scene_mesh.MOST_ELEMENTS:
         most = f"{scene_mesh.MOST_ELEMENTS:,}"
         problem = f"brings the scene to {count:,} elements, more than {most}; take coarser meshes"

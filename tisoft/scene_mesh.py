@@ -68,7 +68,7 @@ def _count(field: str, value: Any) -> int:
 
 
 def _split(field: str, value: Any) -> str:
-    return checks.choice(field, value, ("five", "six"))
+    return checks.choice(field, value, ("five", "six", "hex"))
 
 
 def _layers_or_rings(keys: Table) -> str:
@@ -85,7 +85,9 @@ SHAPES: dict[str, Shape] = {
     "box": Shape(
         shapes.box,
         {"size": _lengths(3), "cells": _cells(3), "split": _split},
-        lambda keys: (6.0 if keys.get("split") == "six" else 5.0) * math.prod(keys["cells"]),
+        lambda keys: (
+            {"six": 6.0, "hex": 1.0}.get(keys.get("split", ""), 5.0) * math.prod(keys["cells"])
+        ),
         lambda keys: "cells",
         ("split",),
     ),

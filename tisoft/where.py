@@ -165,7 +165,7 @@ class Everything:
 
 @dataclass(frozen=True)
 class InRegion:
-    """Nodes of the tets that the mesh file calls by a name or a number."""
+    """Nodes of the cells that the mesh file calls by a name or a number."""
 
     name: str | int
 
@@ -178,8 +178,13 @@ class InRegion:
 
     def rows_in(self, mesh: Mesh) -> NodeNumbers:
         """The region's nodes."""
-        tets = [mesh.regions[k].tets for k in self.found(mesh)]
-        return np.unique(mesh.tets[np.concatenate(tets)]).astype(np.int64)
+        cells = np.concatenate([mesh.regions[k].tets for k in self.found(mesh)])
+        found, begun = [np.empty(0, np.int64)], 0
+        for rows in mesh.cells.values():
+            mine = cells[(cells >= begun) & (cells < begun + len(rows))] - begun
+            found.append(rows[mine].ravel().astype(np.int64))
+            begun += len(rows)
+        return np.unique(np.concatenate(found))
 
     def found(self, mesh: Mesh) -> list[int]:
         """Places of the regions that are meant; raises FieldError where there are none."""
@@ -209,9 +214,7 @@ class InSet:
         faces = np.concatenate([mesh.sets[k].faces for k in self.found(mesh)])
         if not len(faces):
             return None
-        mine = {tuple(row) for row in np.sort(faces, axis=1).tolist()}
-        surface = np.sort(mesh.surface, axis=1).tolist()
-        return np.array([k for k, row in enumerate(surface) if tuple(row) in mine], dtype=np.int64)
+        return mesh.boundary.matching(faces)
 
     def found(self, mesh: Mesh) -> list[int]:
         """Places of the sets that are meant; raises FieldError where there are none."""
@@ -234,7 +237,7 @@ def _found(field: str, name: str | int, groups: Sequence[Any]) -> list[int]:
 
 
 def region(name: str | int) -> InRegion:
-    """Nodes of the tets that the mesh file calls by this name or number."""
+    """Nodes of the cells that the mesh file calls by this name or number."""
     return InRegion(name)
 
 

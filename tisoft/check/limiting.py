@@ -13,7 +13,7 @@ from tisoft.geometry.quality import smallest_altitudes
 from tisoft.model.part import Part
 from tisoft.models.materials import SolidModel
 from tisoft.simulation import Simulation
-from tisoft.stable.bound import average_at_nodes, longest_step
+from tisoft.stable.bound import averages, longest_step
 
 Floats = NDArray[np.float64]
 
@@ -23,21 +23,19 @@ UNUSUAL = 1.5
 
 @dataclass(frozen=True)
 class RestLimits:
-    """What bounds the step at rest in one body: its nodes' tets, or its springs."""
+    """What bounds the step at rest in one body: its nodes' cells, or its springs."""
 
     part: Part
     kind: str
-    """"tet" or "spring"."""
-    ends: NDArray[np.int32]
-    """Inside nodes of each element."""
+    """"tet", "hex" or "spring"; "element" where cells are of several kinds."""
     weight: Floats
-    """Volume of each tet, by which nodes average; empty for springs."""
+    """Volume of each cell, by which nodes average; empty for springs."""
     omega2: Floats
     rate: Floats
     """ω² [1/s²] and damping rate [1/s] of each element, point damping included."""
 
     def steps(self, *, damped: bool = True, without: int | None = None) -> Floats:
-        """Bounds on the step [s], by node for tets and by spring for springs."""
+        """Bounds on the step [s], by node for cells and by spring for springs."""
         rate = self.rate if damped else np.zeros(len(self.rate))
         if self.kind == "spring":
             steps = longest_step(self.omega2, rate)
@@ -45,23 +43,24 @@ class RestLimits:
         weight = self.weight.copy()
         if without is not None:
             weight[without] = 0.0
-        nodes = len(self.part.order)
-        used = np.bincount(self.ends.ravel(), np.repeat(weight, 4), minlength=nodes) > 0.0
-        mean = [average_at_nodes(self.ends, weight, a, nodes)[used] for a in (self.omega2, rate)]
-        return longest_step(mean[0], mean[1])
+        ends = np.cumsum([len(cells.nodes) for cells in self.part.solids])[:-1]
+        values = np.split(np.column_stack([np.ones_like(rate), self.omega2, rate]), ends)
+        mean = averages(self.part, weight, values)
+        return longest_step(*mean[mean[:, 0] > 0.0, 1:].T)
 
     def worst(self) -> int:
         """The element that sets the bound: the stiffest at the node, or the spring."""
         if self.kind == "spring":
             return int(np.argmin(self.steps()))
-        used = np.unique(self.ends)
+        solids = self.part.solids
+        used = np.unique(np.concatenate([cells.nodes.ravel() for cells in solids]))
         node = used[int(np.argmin(self.steps()))]
-        around = np.flatnonzero((self.ends == node).any(axis=1))
+        around = np.concatenate([(c.nodes == node).any(axis=1) for c in solids]).nonzero()[0]
         return int(around[np.argmin(longest_step(self.omega2, self.rate)[around])])
 
     def number(self, element: int) -> int:
         """The element's number in its file."""
-        return int(self.part.tet_order[element]) if self.kind == "tet" else element
+        return element if self.kind == "spring" else int(self.part.cell_order[element])
 
 
 def rest_limits(sim: Simulation) -> list[RestLimits]:
@@ -70,19 +69,21 @@ def rest_limits(sim: Simulation) -> list[RestLimits]:
     for part in sim.parts:
         drag = part.body.model.point_damping
         if part.is_springs:
-            ends, weight, kind = part.springs.astype(np.int32), np.empty(0), "spring"
+            weight, kind = np.empty(0), "spring"
             modes = frequencies(part.springs, part.spring_numbers, 1.0 / part.mass)
         else:
-            ends, weight, kind = part.tets, part.volume, "tet"
-            modes = part.frequencies()[:2]
+            kinds = {cells.element.word for cells in part.solids}
+            weight, kind = part.volume, kinds.pop() if len(kinds) == 1 else "element"
+            known = np.concatenate([known[:, :2] for known in part.known()])
+            modes = known[:, 0], known[:, 1]
         damping = sim.limit.factor * (modes[1] + drag)
-        found.append(RestLimits(part, kind, ends, weight, modes[0], damping))
+        found.append(RestLimits(part, kind, weight, modes[0], damping))
     return found
 
 
 def limiting_element(sim: Simulation) -> dict[str, Any] | None:
     """Body, element, kind and reason of the element that sets the step; None where nothing does."""
-    limits = [limit for limit in rest_limits(sim) if len(limit.ends)]
+    limits = [limit for limit in rest_limits(sim) if len(limit.omega2)]
     least = min(limits, key=lambda limit: float(limit.steps().min()), default=None)
     if least is None or not np.isfinite(least.steps().min()):
         return None
@@ -97,7 +98,7 @@ def limiting_element(sim: Simulation) -> dict[str, Any] | None:
 
 def damping_cost(sim: Simulation) -> float:
     """How many times smaller damping makes the bound on the step; 1 without damping."""
-    limits = [limit for limit in rest_limits(sim) if len(limit.ends)]
+    limits = [limit for limit in rest_limits(sim) if len(limit.omega2)]
     undamped = min((float(a.steps(damped=False).min()) for a in limits), default=np.inf)
     if not np.isfinite(undamped):
         return 1.0
@@ -106,7 +107,7 @@ def damping_cost(sim: Simulation) -> float:
 
 def _reason(limits: list[RestLimits], least: RestLimits, element: int) -> str:
     number = least.number(element)
-    causes = _tet_causes if least.kind == "tet" else _spring_causes
+    causes = _spring_causes if least.kind == "spring" else _cell_causes
     found = [*causes(least.part, number), *_material_causes(limits, least)]
     viscous = float(least.steps(damped=False).min() / least.steps().min())
     if viscous > UNUSUAL:
@@ -118,7 +119,9 @@ def _reason(limits: list[RestLimits], least: RestLimits, element: int) -> str:
     return why + (f"; it costs {gain:.2g} times in speed" if 1.05 < gain < np.inf else "")
 
 
-def _tet_causes(part: Part, element: int) -> list[str]:
+def _cell_causes(part: Part, element: int) -> list[str]:
+    if not len(part.body.mesh.tets):
+        return []
     altitude = smallest_altitudes(part.body.mesh.points, part.body.mesh.tets)
     factor = float(np.median(altitude) / altitude[element])
     if factor < UNUSUAL:

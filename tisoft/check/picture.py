@@ -98,11 +98,12 @@ def _limits(sim: Simulation, rest: Floats) -> tuple[list[Item], ColorBar]:
 def _at_nodes(limit: RestLimits) -> Floats:
     part, steps = limit.part, limit.steps()
     inside = np.full(len(part.order), np.inf)
-    if limit.kind == "tet":
-        inside[np.unique(limit.ends)] = steps
+    if limit.kind == "spring":
+        for column in part.springs.T:
+            np.minimum.at(inside, column, steps)
     else:
-        for column in range(2):
-            np.minimum.at(inside, limit.ends[:, column], steps)
+        used = np.concatenate([cells.nodes.ravel() for cells in part.solids])
+        inside[np.unique(used)] = steps
     least = np.empty_like(inside)
     least[part.order] = inside
     return least

@@ -15,7 +15,7 @@ from tisoft.check.meshes import mesh_notes, used
 from tisoft.check.warnings import warnings_of
 from tisoft.geometry.bracing import mechanism, missing_springs, moving_nodes
 from tisoft.geometry.groups import Region
-from tisoft.geometry.mesh import TetMesh
+from tisoft.geometry.mesh import SolidMesh, SpringNet, TetMesh
 from tisoft.geometry.quality import altitudes, quality
 from tisoft.geometry.rigidity import Rigidity, rigidity
 from tisoft.models.materials import MassSpring
@@ -54,7 +54,7 @@ def check(sim: Simulation) -> Report:
         "in_plane": {},
         "mesh": {body.name: mesh_report(body) for body in scene.bodies},
         "nodes": sim.system.count,
-        "elements": sim.system.tets,
+        "elements": sim.system.elements,
         "springs": sim.system.springs,
         "warnings": warnings_of(scene),
     }
@@ -71,7 +71,7 @@ def mesh_report(body: Body) -> dict[str, Any]:
     mesh = body.mesh
     found = {
         "nodes": len(mesh.points),
-        "elements": len(mesh.tets) or len(body.springs()),
+        "elements": mesh.elements or len(body.springs()),
         "volume": None,
         "flipped": mesh.flipped,
         "dropped_nodes": mesh.dropped_nodes,
@@ -92,7 +92,7 @@ def mesh_report(body: Body) -> dict[str, Any]:
             for group in mesh.sets
         ],
     }
-    if isinstance(mesh, TetMesh):
+    if not isinstance(mesh, SpringNet):
         shape = quality(mesh)
         worst = int(np.argmin(shape))
         found |= {
@@ -100,8 +100,9 @@ def mesh_report(body: Body) -> dict[str, Any]:
             "regions": [_region(mesh, region) for region in mesh.regions],
             "worst_quality": float(shape[worst]),
             "worst_element": worst,
-            "median_altitude": float(np.median(altitudes(mesh))),
         }
+        if isinstance(mesh, TetMesh):
+            found["median_altitude"] = float(np.median(altitudes(mesh)))
     if isinstance(body.model, MassSpring):
         found["springs"] = len(body.springs())
     return found
@@ -218,7 +219,7 @@ def _mesh_lines(name: str, mesh: dict[str, Any], result: dict[str, Any]) -> list
     return lines
 
 
-def _region(mesh: TetMesh, region: Region) -> dict[str, Any]:
+def _region(mesh: TetMesh | SolidMesh, region: Region) -> dict[str, Any]:
     return {
         "name": region.name,
         "tag": region.tag,
@@ -230,8 +231,8 @@ def _region(mesh: TetMesh, region: Region) -> dict[str, Any]:
 def _group_lines(mesh: dict[str, Any]) -> list[str]:
     """Regions, sets and notes of the file."""
     lines = [
-        f"  region         {_title(region)}: {region['elements']} tets, {region['volume']:.4g} m³"
-        for region in mesh["regions"]
+        f"  region         {_title(group)}: {group['elements']} elements, {group['volume']:.4g} m³"
+        for group in mesh["regions"]
     ]
     for group in mesh["sets"]:
         faces = f", {group['faces']} faces" if group["faces"] else ""

@@ -62,10 +62,10 @@ def _of_body(body: Body, scene: Scene) -> Iterator[str]:
         yield f"{name} has point damping, which brakes rigid motion too{fall if strength else ''}"
     if not isinstance(model, SolidModel):
         return
-    if model.poisson > LOCKING:
+    if model.poisson > LOCKING and len(body.mesh.tets):
         yield (
             f"{name} has poisson = {model.poisson:g}: above {LOCKING} linear tets lock, "
-            "so it is much too stiff; use 0.45 or less"
+            'so it is much too stiff; use 0.45 or less, or element = "tet10"'
         )
     if isinstance(body.mesh, TetMesh) and (told := _bending(body.mesh)):
         yield f"{name} {told}"

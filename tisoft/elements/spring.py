@@ -30,6 +30,9 @@ class Spring:
     """A spring and the damper beside it."""
 
     corners = 2
+    points = 1
+    known = 4
+    constants = 0
     numbers = 7
     is_relative = False
     """Whether its energy wants displacements as seen from one of its body\'s nodes."""
@@ -82,6 +85,7 @@ class Spring:
         u: ti.template(),
         v: ti.template(),
         m,
+        q,
         lane,
         out: ti.template(),
     ):
@@ -98,8 +102,13 @@ class Spring:
         Spring.pull(tension * inverse * y, 0, lane, out)
 
     @staticmethod
+    def of_material(lam: float, mu: float) -> tuple[float, ...]:
+        """It needs no constants of its own."""
+        return ()
+
+    @staticmethod
     @ti.func
-    def energy(law: ti.template(), rest: ti.template(), u: ti.template(), m, lane):
+    def energy(law: ti.template(), rest: ti.template(), u: ti.template(), m, q, lane):
         """k e²/2 [J]."""
         y, change = Spring.stretched(rest, u, lane)
         e = Spring.elongation(rest, change, y.norm(), lane)
@@ -113,6 +122,7 @@ class Spring:
         u: ti.template(),
         w: ti.template(),
         m,
+        q,
         lane,
         out: ti.template(),
     ):

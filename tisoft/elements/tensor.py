@@ -21,19 +21,23 @@ not change, edges replace the loop over tets.
 | C_ij   | `rest[9..17]` | N·s/m  |
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from tisoft.elements.tet4 import corner_gradients
-
 Floats = NDArray[np.float64]
+Rows = NDArray[np.integer]
 
 
 class Tensor:
     """An edge of a mass-tensor body."""
 
     corners = 2
+    points = 1
+    known = 4
+    constants = 0
     numbers = 18
     is_relative = True
     """Whether its energy wants displacements as seen from one of its body\'s nodes."""
@@ -66,6 +70,7 @@ class Tensor:
         u: ti.template(),
         v: ti.template(),
         m,
+        q,
         lane,
         out: ti.template(),
     ):
@@ -80,8 +85,13 @@ class Tensor:
                 out[3 + r, lane] += rest[9 + 3 * c + r, lane] * dv[c]
 
     @staticmethod
+    def of_material(lam: float, mu: float) -> tuple[float, ...]:
+        """It needs no constants of its own."""
+        return ()
+
+    @staticmethod
     @ti.func
-    def energy(law: ti.template(), rest: ti.template(), u: ti.template(), m, lane):
+    def energy(law: ti.template(), rest: ti.template(), u: ti.template(), m, q, lane):
         """The edge's share of uᵀK u/2 [J], which may be negative; u as seen from one node."""
         d = Tensor.difference(u, lane)
         total = 0.0 * d[0]
@@ -99,6 +109,7 @@ class Tensor:
         u: ti.template(),
         w: ti.template(),
         m,
+        q,
         lane,
         out: ti.template(),
     ):
@@ -106,23 +117,22 @@ class Tensor:
         Tensor.pull(rest, 0, -Tensor.difference(w, lane), lane, 0, out)
 
 
-def tensor_blocks(rest: Floats, lam: float, mu: float) -> Floats:
-    """K_ab [N/m] of each tet for Lamé constants, shape (tets, 4, 4, 3, 3); `rest` as in `tet4`."""
-    g = corner_gradients(rest[:, :9].reshape(-1, 3, 3))
-    outer = np.einsum("eai,ebj->eabij", g, g)
-    dot = np.einsum("eai,ebi->eab", g, g)
-    blocks: Floats = lam * outer + mu * outer.transpose(0, 1, 2, 4, 3)
-    blocks += mu * dot[..., None, None] * np.eye(3)
-    return blocks * rest[:, 9, None, None, None, None]
+def edge_sums(solids: Sequence[tuple[Rows, Floats]]) -> tuple[NDArray[np.int64], Floats]:
+    """Edges (i < j), shape (edges, 2), and the sum of their cells' K_ij, shape (edges, 9).
 
-
-def edge_sums(tets: NDArray[np.integer], blocks: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """Edges (i < j), shape (edges, 2), and the sum of their tets' K_ij, shape (edges, 9)."""
-    a, b = np.nonzero(~np.eye(4, dtype=bool))
-    i, j = tets[:, a].ravel().astype(np.int64), tets[:, b].ravel().astype(np.int64)
-    up = i < j
-    span = int(tets.max(initial=0)) + 1
-    keys, index = np.unique(i[up] * span + j[up], return_inverse=True)
-    values = blocks[:, a, b].reshape(-1, 9)[up]
-    total = np.stack([np.bincount(index, column, minlength=len(keys)) for column in values.T], 1)
+    `solids`: nodes of cells, shape (cells, corners), and their K_e [N/m], each.
+    """
+    pairs, values = [], []
+    for cells, matrices in solids:
+        corners = cells.shape[1]
+        blocks = matrices.reshape(-1, corners, 3, corners, 3)
+        a, b = np.nonzero(~np.eye(corners, dtype=bool))
+        ends = np.stack([cells[:, a], cells[:, b]], axis=-1).reshape(-1, 2).astype(np.int64)
+        up = ends[:, 0] < ends[:, 1]
+        pairs.append(ends[up])
+        values.append(blocks[:, a, :, b, :].swapaxes(0, 1).reshape(-1, 9)[up])
+    rows, columns = np.concatenate(pairs), np.concatenate(values).T
+    span = int(rows.max(initial=0)) + 1
+    keys, index = np.unique(rows[:, 0] * span + rows[:, 1], return_inverse=True)
+    total = np.stack([np.bincount(index, column, minlength=len(keys)) for column in columns], 1)
     return np.stack([keys // span, keys % span], axis=1), total

@@ -22,6 +22,9 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
+from tisoft.elements.matrices import hooke_blocks, top
+from tisoft.laws.base import cofactor, volume_change
+
 Floats = NDArray[np.float64]
 
 
@@ -29,7 +32,15 @@ class Tet4:
     """The linear tet."""
 
     corners = 4
+    word = "tet"
+    """What a cell is called in sentences."""
+    points = 1
+    """Points at which its strain is taken."""
     numbers = 10
+    known = 4
+    """Columns of `Block.modes`."""
+    constants = 0
+    """Columns of the material row that are the element's."""
     is_relative = False
     """Whether its energy wants displacements as seen from one of its body\'s nodes."""
 
@@ -41,8 +52,8 @@ class Tet4:
 
     @staticmethod
     @ti.func
-    def gradient(rest: ti.template(), a: ti.template(), lane):
-        """Σ a_c ⊗ ∇N_c of corner columns a."""
+    def gradient(rest: ti.template(), a: ti.template(), q, lane):
+        """Σ a_c ⊗ ∇N_c of corner columns a at point q."""
         z = 0.0 * rest[0, lane]
         H = ti.Matrix([[z, z, z], [z, z, z], [z, z, z]])
         for c in range(3):
@@ -54,9 +65,9 @@ class Tet4:
 
     @staticmethod
     @ti.func
-    def volume(rest: ti.template(), lane):
-        """V [m³]."""
-        return rest[9, lane]
+    def weight(rest: ti.template(), q, lane):
+        """Share of the volume that point q stands for."""
+        return 1.0 + 0.0 * rest[9, lane]
 
     @staticmethod
     @ti.func
@@ -75,11 +86,11 @@ class Tet4:
     @staticmethod
     @ti.func
     def forces(
-        law: ti.template(), rest: ti.template(), u: ti.template(), v: ti.template(), m, lane,
+        law: ti.template(), rest: ti.template(), u: ti.template(), v: ti.template(), m, q, lane,
         out: ti.template(),
     ):  # fmt: skip
         """Corner forces [N]; rows 12..23 of `out`, where it has them, get the viscous share."""
-        H, D = Tet4.gradient(rest, u, lane), Tet4.gradient(rest, v, lane)
+        H, D = Tet4.gradient(rest, u, q, lane), Tet4.gradient(rest, v, q, lane)
         k = ti.static(m.n - 2)
         Pv = law.viscosity.stress(H, D, m[k], m[k + 1])
         P = law.stress(H, m) + Pv
@@ -89,19 +100,43 @@ class Tet4:
 
     @staticmethod
     @ti.func
-    def energy(law: ti.template(), rest: ti.template(), u: ti.template(), m, lane):
+    def energy(law: ti.template(), rest: ti.template(), u: ti.template(), m, q, lane):
         """V Ψ [J]."""
-        return rest[9, lane] * law.energy(Tet4.gradient(rest, u, lane), m)
+        return rest[9, lane] * law.energy(Tet4.gradient(rest, u, q, lane), m)
 
     @staticmethod
     @ti.func
     def product(
-        law: ti.template(), rest: ti.template(), u: ti.template(), w: ti.template(), m, lane,
+        law: ti.template(), rest: ti.template(), u: ti.template(), w: ti.template(), m, q, lane,
         out: ti.template(),
     ):  # fmt: skip
         """K(u) w [N]."""
-        H, G = Tet4.gradient(rest, u, lane), Tet4.gradient(rest, w, lane)
+        H, G = Tet4.gradient(rest, u, q, lane), Tet4.gradient(rest, w, q, lane)
         Tet4.spread(rest, rest[9, lane] * law.tangent(H, G, m), 0, lane, out)
+
+    @staticmethod
+    @ti.func
+    def stiffened(law: ti.template(), rest: ti.template(), u: ti.template(), m, known, lane):
+        """Bounds of ω² [1/s²] and of the damping rate [1/s] as deformed, and J."""
+        H = Tet4.gradient(rest, u, 0, lane)
+        grown = law.stiffening(H, m)
+        omega2 = grown[0] * known[0] + grown[1] * known[2]
+        return ti.Vector([omega2, grown[2] * known[1], 1.0 + volume_change(H, cofactor(H))])
+
+    @staticmethod
+    def of_material(lam: float, mu: float) -> tuple[float, ...]:
+        """It needs no constants of its own."""
+        return ()
+
+    @staticmethod
+    def volumes(rest: Floats) -> Floats:
+        """V [m³], shape (cells,)."""
+        return rest[:, 9]
+
+    @staticmethod
+    def gradients(rest: Floats) -> Floats:
+        """∇N of the corners at the point [1/m], shape (cells, 1, 4, 3)."""
+        return corner_gradients(rest[:, :9].reshape(-1, 3, 3))[:, None]
 
     @staticmethod
     def masses(rest: Floats, density: float) -> Floats:
@@ -109,16 +144,30 @@ class Tet4:
         return np.repeat(density / 4.0 * rest[:, 9:], 4, axis=1)
 
     @staticmethod
+    def products(rest: Floats) -> Floats:
+        """∫ N_a N_b dV [m³] = V (1 + δ_ab)/20, shape (cells, 4, 4)."""
+        return rest[:, 9, None, None] * (np.ones((4, 4)) + np.eye(4)) / 20.0
+
+    @staticmethod
+    def matrices(rest: Floats, lam: float, mu: float) -> Floats:
+        """K_e at rest [N/m], shape (cells, 12, 12), of Lamé constants."""
+        return hooke_blocks(Tet4.gradients(rest), rest[:, 9:], lam, mu)
+
+    @staticmethod
     def frequency(rest: Floats, lam: float, mu: float) -> Floats:
-        """λ_max of Bᵀ C B per unit volume [Pa/m²] for Lamé constants, shape (cells,)."""
-        return stiffest(rest[:, :9].reshape(-1, 3, 3), lam, mu)
+        """ω² [1/s²] of the stiffest mode of each cell with density 1 and lumped mass."""
+        return 4.0 * stiffest(rest[:, :9].reshape(-1, 3, 3), lam, mu)
 
     @staticmethod
     def spread_square(rest: Floats) -> Floats:
-        """γ = λ_max of the 4×4 matrix ∇N_a·∇N_b [1/m²], shape (cells,)."""
-        g = corner_gradients(rest[:, :9].reshape(-1, 3, 3))
-        top: Floats = np.linalg.eigvalsh(np.einsum("eai,eaj->eij", g, g))[:, -1]
-        return top
+        """4 λ_max(∇N_a·∇N_b) [1/m²], shape (cells,)."""
+        g = Tet4.gradients(rest)[:, 0]
+        return 4.0 * top(np.einsum("eai,eaj->eij", g, g))
+
+    @staticmethod
+    def swinging(rest: Floats, lam: float, mu: float) -> Floats:
+        """No further numbers for `stiffened`, shape (cells, 0)."""
+        return np.empty((len(rest), 0))
 
 
 def gradients(points: Floats, cells: NDArray[np.integer]) -> tuple[Floats, Floats]:

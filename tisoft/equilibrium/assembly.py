@@ -1,24 +1,23 @@
 """Sparse stiffness, viscosity and mass of one body, from element matrices.
 
-    M_ab = ρ V/20 (1 + δ_ab)                                             (consistent mass)
+    M_ab = ρ ∫ N_a N_b dV                                                (consistent mass)
 
 Sparse matrices serve factorisations (preconditioners, modes).  Unknowns are numbered 3 node + axis.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from tisoft.model.part import Part
+from tisoft.models.materials import SolidModel
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.integer]
-
-
-def deformation(gradient: Floats, tets: Ints, u: Floats) -> Floats:
-    """F of each tet, shape (tets, 3, 3)."""
-    steps = u[tets[:, 1:]] - u[tets[:, :1]]
-    return np.eye(3) + np.einsum("eci,eck->eik", steps, gradient)
 
 
 class Pattern:
@@ -26,33 +25,44 @@ class Pattern:
 
     Args:
         nodes: of the body.
-        cells: nodes of each element, shape (elements, corners).
+        cells: nodes of the cells, an array of shape (cells, corners) for each element.
     """
 
-    def __init__(self, nodes: int, cells: Ints) -> None:
+    def __init__(self, nodes: int, cells: Sequence[Ints]) -> None:
         self.size = 3 * nodes
-        dofs = (3 * cells.astype(np.int64)[:, :, None] + np.arange(3)).reshape(len(cells), -1)
-        width = dofs.shape[1]
         # Every diagonal entry is present, so that nodes without elements can be shifted too.
         each = np.arange(self.size)
-        rows = np.concatenate([np.repeat(dofs, width, axis=1).ravel(), each])
-        columns = np.concatenate([np.tile(dofs, (1, width)).ravel(), each])
-        known, self._place = np.unique(columns * self.size + rows, return_inverse=True)
+        rows, columns = [each], [each]
+        for own in cells:
+            dofs = (3 * own.astype(np.int64)[:, :, None] + np.arange(3)).reshape(len(own), -1)
+            width = dofs.shape[1]
+            rows.append(np.repeat(dofs, width, axis=1).ravel())
+            columns.append(np.tile(dofs, (1, width)).ravel())
+        keys = np.concatenate(columns) * self.size + np.concatenate(rows)
+        known, self._place = np.unique(keys, return_inverse=True)
         self._rows = known % self.size
         self._starts = np.searchsorted(known // self.size, np.arange(self.size + 1))
 
-    def matrix(self, elements: Floats) -> sparse.csc_matrix:
-        """Sum of element matrices, shape (elements, 3 corners, 3 corners)."""
-        values = np.concatenate([elements.ravel(), np.zeros(self.size)])
+    def matrix(self, elements: Sequence[Floats]) -> sparse.csc_matrix:
+        """Sum of element matrices, shape (cells, 3 corners, 3 corners) for each element."""
+        values = np.concatenate([np.zeros(self.size), *[own.ravel() for own in elements]])
         data = np.bincount(self._place, values, minlength=len(self._rows))
         shape = (self.size, self.size)
         return sparse.csc_matrix((data, self._rows, self._starts), shape=shape)
 
 
-def consistent_mass(nodes: int, tets: Ints, volume: Floats, density: float) -> sparse.csc_matrix:
-    """Consistent mass [kg] between nodes, shape (nodes, nodes); the same for each axis."""
-    local = (np.ones((4, 4)) + np.eye(4)) * (density / 20.0)
-    values = volume[:, None, None] * local
-    rows = np.repeat(tets, 4, axis=1).ravel()
-    columns = np.tile(tets, (1, 4)).ravel()
-    return sparse.coo_matrix((values.ravel(), (rows, columns)), shape=(nodes, nodes)).tocsc()
+def consistent_mass(part: Part) -> sparse.csc_matrix:
+    """Consistent mass [kg] between a body's nodes, shape (nodes, nodes); the same for each axis.
+
+    Springs have point masses: theirs is diagonal.
+    """
+    model, nodes = part.body.model, len(part.order)
+    if not isinstance(model, SolidModel):
+        return sparse.diags(part.mass, format="csc")
+    total = sparse.csc_matrix((nodes, nodes))
+    for cells in part.solids:
+        local = model.density * cells.element.products(cells.rest)
+        width = local.shape[1]
+        pairs = np.repeat(cells.nodes, width, axis=1).ravel(), np.tile(cells.nodes, width).ravel()
+        total = total + sparse.coo_matrix((local.ravel(), pairs), shape=(nodes, nodes)).tocsc()
+    return total

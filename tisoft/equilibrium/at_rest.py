@@ -1,7 +1,7 @@
 """K w and C w of a solid at rest, as sparse matrices: every law is Hooke's there, so no kernel has
 to be compiled for the first stable step.
 
-    K_ab = V [λ ∇N_a ∇N_bᵀ + μ ∇N_b ∇N_aᵀ + μ (∇N_a·∇N_b) I],   C_ab alike of φ and η
+K_e is that of `Cells.matrices`, C_e alike of φ and η.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from tisoft.elements.tensor import tensor_blocks
 from tisoft.equilibrium import assembly
 from tisoft.model.part import Part
 from tisoft.models.materials import SolidModel
@@ -19,7 +18,7 @@ Floats = NDArray[np.float64]
 
 
 class AtRest:
-    """Operators of one body with tets, at rest; see `operators.Elastic`."""
+    """Operators of one body with cells, at rest; see `operators.Elastic`."""
 
     def __init__(self, part: Part) -> None:
         model = part.body.model
@@ -43,17 +42,16 @@ class AtRest:
 
     def consistent_mass(self) -> sparse.csc_matrix:
         """Consistent mass [kg] between nodes."""
-        model, part = self.part.body.model, self.part
-        assert isinstance(model, SolidModel)
-        return assembly.consistent_mass(self.nodes, part.tets, part.volume, model.density)
+        return assembly.consistent_mass(self.part)
 
 
 def _matrix(part: Part, lam: float, mu: float) -> sparse.csr_matrix:
-    blocks = tensor_blocks(part.tet_rest, lam, mu)
-    i, j = np.broadcast_arrays(part.tets[:, :, None], part.tets[:, None, :])
-    rows = 3 * i[..., None, None] + np.arange(3)[:, None]
-    columns = 3 * j[..., None, None] + np.arange(3)
-    rows, columns, _ = np.broadcast_arrays(rows, columns, blocks)
     size = 3 * len(part.order)
-    pairs = (rows.ravel(), columns.ravel())
-    return sparse.coo_matrix((blocks.ravel(), pairs), shape=(size, size)).tocsr()
+    total = sparse.csr_matrix((size, size))
+    for cells in part.solids:
+        dofs = (3 * cells.nodes[:, :, None] + np.arange(3)).reshape(len(cells.nodes), -1)
+        width = dofs.shape[1]
+        pairs = np.repeat(dofs, width, axis=1).ravel(), np.tile(dofs, width).ravel()
+        values = cells.matrices(lam, mu).ravel()
+        total = total + sparse.coo_matrix((values, pairs), shape=(size, size)).tocsr()
+    return total

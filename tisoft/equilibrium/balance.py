@@ -23,7 +23,7 @@ from tisoft.equilibrium.operators import Elastic
 from tisoft.errors import NoEquilibrium
 from tisoft.loads import Load
 from tisoft.model.part import Part
-from tisoft.step.loading import forces_of, pressure_tangent
+from tisoft.step.loading import forces_of, pressed_rows, pressure_forces, pressure_tangent
 
 Floats = NDArray[np.float64]
 
@@ -82,7 +82,7 @@ class Balance:
         acting = [load for load in part.body.loads if load.factor(time)]
         self.followers = [a for a in acting if a.kind in ("pressure", "torque")]
         self.pressures = [
-            (a.factor(time) * (a.pressure or 0.0), self._faces(a))
+            (a.factor(time) * (a.pressure or 0.0), *pressed_rows(part, a))
             for a in acting
             if a.kind == "pressure"
         ]
@@ -90,16 +90,11 @@ class Balance:
         self.dead = dead + self._forces([a for a in acting if a not in self.followers], self.rest)
         self.load = self.loads(np.zeros_like(dead))
         """All loads at rest [N]."""
-        self.linear = len(part.tets) > 0 and not self.elastic.is_finite
+        self.linear = part.elements > 0 and not self.elastic.is_finite
         self.start = self.elastic.force(np.zeros_like(dead))
         self.start[self.held] = 0.0
         self._state, self._factor = np.zeros_like(dead), 0.0
         self._follows: sparse.csr_array | None = None
-
-    def _faces(self, load: Load) -> NDArray[np.int64]:
-        body = self.part.body
-        faces: NDArray[np.int64] = self.part.rank[body.mesh.surface[body.faces(load.where)]]
-        return faces
 
     def _forces(self, loads: list[Load], x: Floats) -> Floats:
         total = np.zeros_like(x)
@@ -113,8 +108,8 @@ class Balance:
             return self.dead
         x = self.rest + u
         total = self.dead + self._forces(self.torques, x)
-        for pressure, faces in self.pressures:
-            total += pressure_forces(pressure, faces, x)
+        for pressure, rows, numbers in self.pressures:
+            total += pressure_forces(pressure, rows, numbers, x)
         return total
 
     def place(self, factor: float) -> Floats:
@@ -147,8 +142,9 @@ class Balance:
         elastic = self.elastic.energy(u)
         work = float(((factor * self.dead - max(1.0 - factor, 0.0) * self.start) * u).sum())
         size = abs(elastic) + abs(work)
-        for pressure, faces in self.pressures:
-            change = volume(self.rest + u, faces) - volume(self.rest, faces)
+        for pressure, rows, numbers in self.pressures:
+            here, before = (volume(rows, numbers, x) for x in (self.rest + u, self.rest))
+            change = here - before
             work -= factor * pressure * change
             size += abs(factor * pressure * change)
         return elastic - work, size
@@ -208,7 +204,9 @@ class Balance:
     def pieces(self) -> NDArray[np.int32]:
         """Number of the connected piece that each node belongs to, shape (nodes,)."""
         part, nodes = self.part, self.elastic.nodes
-        pairs = [part.tets[:, [0, k]] for k in (1, 2, 3)] + [part.springs]
+        pairs: list[NDArray[np.integer]] = [part.springs]
+        for cells in part.solids:
+            pairs += [cells.nodes[:, [0, k]] for k in range(1, cells.nodes.shape[1])]
         ends = np.concatenate([p.reshape(-1, 2).astype(np.int64) for p in pairs])
         graph = sparse.coo_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), (nodes, nodes))
         labels: NDArray[np.int32] = connected_components(graph, directed=False)[1]
@@ -233,18 +231,11 @@ class Balance:
                 )
 
 
-def pressure_forces(pressure: float, faces: NDArray[np.int64], x: Floats) -> Floats:
-    """Forces of a pressure [Pa] on faces at points x [N], shape (nodes, 3)."""
-    a, b, c = (x[faces[:, k]] for k in range(3))
-    each = np.repeat(-pressure / 6.0 * np.cross(b - a, c - a), 3, axis=0)
-    columns = [np.bincount(faces.ravel(), each[:, k], minlength=len(x)) for k in range(3)]
-    return np.stack(columns, axis=1)
-
-
-def volume(x: Floats, faces: NDArray[np.int64]) -> float:
-    """Volume [m³] between faces and the origin."""
-    a, b, c = (x[faces[:, k]] for k in range(3))
-    return float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6.0)
+def volume(rows: NDArray[np.int64], numbers: Floats, x: Floats) -> float:
+    """Volume [m³] between faces and the origin; `rows`, `numbers` as of `Boundary.pressed`."""
+    i, j, k = rows.T
+    normals = numbers[:, None] * np.cross(x[j] - x[i], x[k] - x[i])
+    return float(np.einsum("fi,fi->", x[i], normals) / 3.0)
 
 
 def largest(forces: Floats) -> float:

@@ -34,11 +34,12 @@ def push(block: ti.template(), state: ti.template(), what: ti.template(), b):
     if ti.static(what != FORCE):
         forces.gather(block, state.velocity, b, w)
     m = forces.material(block, b)
-    for lane in range(block.lanes):
-        if ti.static(what == PRODUCT):
-            block.element.product(block.law, rest, u, w, m, lane, out)
-        else:
-            block.element.forces(block.law, rest, u, w, m, lane, out)
+    for q in range(block.points):
+        for lane in range(block.lanes):
+            if ti.static(what == PRODUCT):
+                block.element.product(block.law, rest, u, w, m, q, lane, out)
+            else:
+                block.element.forces(block.law, rest, u, w, m, q, lane, out)
     forces.scatter(block, state.force, b, out, size if what == RATE else 0)
 
 
@@ -117,10 +118,12 @@ def make_matrices(block: Any, state: Any, viscous: bool) -> Any:
                 f = ti.Matrix.zero(block.real, 2 * size, block.lanes)
                 for lane in range(block.lanes):
                     w[column, lane] = 1.0
-                    if ti.static(viscous):
-                        block.element.forces(block.law, rest, u, w, m, lane, f)
-                    else:
-                        block.element.product(block.law, rest, u, w, m, lane, f)
+                for q in range(block.points):
+                    for lane in range(block.lanes):
+                        if ti.static(viscous):
+                            block.element.forces(block.law, rest, u, w, m, q, lane, f)
+                        else:
+                            block.element.product(block.law, rest, u, w, m, q, lane, f)
                 for lane in range(block.lanes):
                     for row in range(size):
                         if ti.static(viscous):

@@ -7,6 +7,7 @@ touch in a static problem, so each is solved on its own.
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,18 +16,18 @@ from scipy import sparse
 
 from tisoft import runtime
 from tisoft.body import Body
-from tisoft.elements.tet4 import gradients
 from tisoft.equilibrium import assembly, kernels
+from tisoft.model.cells import Cells, cells_of
 from tisoft.model.part import Part
 from tisoft.model.system import System
-from tisoft.models.materials import Linear, MassTensor, SolidModel
+from tisoft.models.materials import Linear, MassTensor
 
 Floats = NDArray[np.float64]
 
 
 class Elastic:
     """Operators of one body; displacements u and directions w [m], shape (nodes, 3), internal
-    order.  A mass-tensor body is computed as the linear tets whose stiffness it stores.
+    order.  A mass-tensor body is computed as the linear cells whose stiffness it stores.
 
     Args:
         part: the body's share of a scene.
@@ -41,7 +42,7 @@ class Elastic:
         self.part = self.system.parts[0]
         self.mass = part.mass
         self._pattern: assembly.Pattern | None = None
-        self._tets: tuple[NDArray[np.int64], Floats] | None = None
+        self._solids: list[Cells] | None = None
         self._out = np.zeros((self.nodes, 3))
 
     @property
@@ -93,22 +94,19 @@ class Elastic:
         return float(launch(self.system.scene, self.system.first, rows))
 
     def least_volume_change(self, u: Floats) -> float:
-        """Smallest det F over the tets of the mesh, springs' too; inf without tets."""
-        mesh = self.part.body.mesh
-        if not len(mesh.tets):
-            return float("inf")
-        if self._tets is None:
-            tets = self.part.rank[mesh.tets]
-            self._tets = tets, gradients(self.rest, tets)[0]
-        tets, gradient = self._tets
-        return float(np.linalg.det(assembly.deformation(gradient, tets, u)).min())
+        """Smallest det F over the points of the mesh's cells, springs' too; inf without cells."""
+        if self._solids is None:
+            part = self.part
+            self._solids = part.solids or cells_of(part.body.mesh, part.center, part.rank)
+        least = [np.linalg.det(cells.deformation(u)).min() for cells in self._solids]
+        return float(min(least, default=np.inf))
 
     @property
     def pattern(self) -> assembly.Pattern:
         """Places of the element matrices in the sparse matrices."""
         if self._pattern is None:
-            cells = self.part.cells()[0]
-            self._pattern = assembly.Pattern(self.nodes, cells)
+            members = [cells for share in self.system.shares for _, cells in share.members]
+            self._pattern = assembly.Pattern(self.nodes, [cells.nodes for cells in members])
         return self._pattern
 
     def stiffness(self, u: Floats) -> sparse.csc_matrix:
@@ -121,16 +119,17 @@ class Elastic:
 
     def _assemble(self, u: Floats, *, viscous: bool) -> sparse.csc_matrix:
         self.look(u)
-        matrices: Floats = np.empty((0, 0, 0))
+        matrices = []
         for share in self.system.shares:
-            launch = self._kernel(
-                ("matrices", viscous),
-                lambda state, blocks, _: kernels.make_matrices(blocks[0], state, viscous),
+            launch = self.system.lease.arena.kernel(
+                ("matrices", viscous, share.block),
+                partial(kernels.make_matrices, share.block, self.system.state, viscous),
             )
             batches, size = share.batches, 3 * share.block.corners
             out = np.empty((len(batches.owner), batches.lanes, size, size))
             launch(share.row("batches"), out)
-            matrices = out.reshape(-1, size, size)[self.part.place]
+            own = [cells.place for _, cells in share.members]
+            matrices += [out.reshape(-1, size, size)[place] for place in own]
         return self.pattern.matrix(matrices)
 
     def stiffness_blocks(self, u: Floats) -> Floats:
@@ -141,15 +140,12 @@ class Elastic:
         return blocks
 
     def consistent_mass(self) -> sparse.csc_matrix:
-        """Consistent mass [kg] between nodes; springs have point masses, so theirs is diagonal."""
-        model = self.part.body.model
-        if not isinstance(model, SolidModel):
-            return sparse.diags(self.mass, format="csc")
-        return assembly.consistent_mass(self.nodes, self.part.tets, self.part.volume, model.density)
+        """Consistent mass [kg] between nodes; that of springs is diagonal."""
+        return assembly.consistent_mass(self.part)
 
 
 def plain_body(body: Body) -> Body:
-    """The body, mass-tensors as linear tets."""
+    """The body, mass-tensors as linear elasticity."""
     if not isinstance(body.model, MassTensor):
         return body
     numbers = {f.name: getattr(body.model, f.name) for f in fields(body.model)}

@@ -1,4 +1,4 @@
-"""The two meshes of tisoft, frozen and checked once: TetMesh, and SpringNet for springs alone."""
+"""Meshes, frozen and checked once: TetMesh, SpringNet for springs alone, else SolidMesh."""
 
 from __future__ import annotations
 
@@ -22,9 +22,12 @@ from tisoft.geometry.checks import (
     positions,
     unit_sized,
 )
+from tisoft.geometry.faces import Boundary
 from tisoft.geometry.groups import NodeSet, Region
 from tisoft.geometry.joints import Joints, joints_of
+from tisoft.geometry.moving import moved
 from tisoft.geometry.quality import signed_volumes
+from tisoft.geometry.solid import SolidMesh
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -82,6 +85,21 @@ class TetMesh:
     def flipped(self) -> int:
         """How many tets the file orients the other way."""
         return len(self.turned)
+
+    @property
+    def cells(self) -> dict[str, Ints]:
+        """Nodes of the cells by kind."""
+        return {"tet4": self.tets}
+
+    @property
+    def elements(self) -> int:
+        """How many cells there are."""
+        return len(self.tets)
+
+    @cached_property
+    def boundary(self) -> Boundary:
+        """Faces of one cell only."""
+        return Boundary((self.surface.astype(np.int64),))
 
     @cached_property
     def volumes(self) -> Floats:
@@ -160,6 +178,21 @@ class SpringNet:
         return np.empty((0, 4), dtype=np.int32)
 
     @property
+    def cells(self) -> dict[str, Ints]:
+        """No cells."""
+        return {}
+
+    @property
+    def elements(self) -> int:
+        """No cells."""
+        return 0
+
+    @cached_property
+    def boundary(self) -> Boundary:
+        """The triangles to draw."""
+        return Boundary((self.surface.astype(np.int64),))
+
+    @property
     def flipped(self) -> int:
         """None: there are no tets."""
         return 0
@@ -185,7 +218,7 @@ class SpringNet:
         return replace(self, points=moved(self.points, scale, rotate, translate))
 
 
-Mesh = TetMesh | SpringNet
+Mesh = TetMesh | SolidMesh | SpringNet
 
 
 def present_numbers(mesh: Mesh, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -251,25 +284,3 @@ def _freeze(mesh: TetMesh | SpringNet, name: str, values: NDArray[np.generic]) -
     values = np.array(values, order="C")
     values.flags.writeable = False
     object.__setattr__(mesh, name, values)
-
-
-def moved(
-    points: Floats, scale: float, rotate: Sequence[float], translate: Sequence[float]
-) -> Floats:
-    """Points scaled, then turned about x, y and z [degrees], then moved [m]."""
-    if not (np.isfinite(scale) and scale > 0):
-        raise MeshError(f"scale must be a positive number, not {scale!r}")
-    angles, shift = np.asarray(rotate, dtype=float), np.asarray(translate, dtype=float)
-    for name, vector in (("rotate", angles), ("translate", shift)):
-        if vector.shape != (3,) or not np.isfinite(vector).all():
-            raise MeshError(f"{name} must be three finite numbers, not {vector.tolist()!r}")
-    turn = np.eye(3)
-    for axis, angle in enumerate(np.deg2rad(angles)):
-        i, j = (axis + 1) % 3, (axis + 2) % 3
-        about = np.eye(3)
-        about[i, i] = about[j, j] = np.cos(angle)
-        about[j, i], about[i, j] = np.sin(angle), -np.sin(angle)
-        turn = about @ turn
-    if angles.any():
-        return (scale * points) @ turn.T + shift
-    return scale * points + shift

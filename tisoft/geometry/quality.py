@@ -7,21 +7,56 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from tisoft.geometry.cells import point_volumes
+
 if TYPE_CHECKING:
-    from tisoft.geometry.mesh import TetMesh
+    from tisoft.geometry.mesh import SolidMesh, TetMesh
 
 Floats = NDArray[np.float64]
 
 
-def quality(mesh: TetMesh) -> Floats:
+def quality(mesh: TetMesh | SolidMesh) -> Floats:
+    """Quality of each cell, shape (elements,): 1 at best, 0 flat.
+
+    Tets have their radius ratio, hexahedra the least Jacobian of a corner with its three sides
+    scaled to length 1, quadratic tets the radius ratio of their corners times the least Jacobian of
+    their points over the largest.
+    """
+    found = []
+    for word, rows in mesh.cells.items():
+        if word == "hex8":
+            found.append(scaled_jacobians(mesh.points[rows]))
+            continue
+        ratio = radius_ratios(mesh.points, rows[:, :4])
+        if word == "tet10":
+            at = point_volumes(word, mesh.points[rows])
+            ratio = ratio * at.min(axis=1) / at.max(axis=1)
+        found.append(ratio)
+    return np.concatenate(found)
+
+
+def scaled_jacobians(X: Floats) -> Floats:
+    """The least scaled Jacobian of each hexahedron's corners, shape (cells,); X: corners [m]."""
+    least = np.full(len(X), np.inf)
+    for base in (0, 4):
+        for c in range(4):
+            here = X[:, base + c]
+            sides = [X[:, base + (c + 1) % 4], X[:, base + (c + 3) % 4], X[:, (base + 4) % 8 + c]]
+            units = [(side - here) / _length(side - here)[:, None] for side in sides]
+            volume = np.einsum("ij,ij->i", np.cross(units[0], units[1]), units[2])
+            least = np.minimum(least, volume if base == 0 else -volume)
+    return least
+
+
+def radius_ratios(nodes: Floats, tets: NDArray[np.integer]) -> Floats:
     """Radius ratio of each tet, shape (tets,): 3 inradius / circumradius, 1 regular, 0 flat.
 
     q = 216 V² / (A √((a+b+c)(a+b−c)(a−b+c)(−a+b+c))), A the area of the four faces and a, b, c the
     products of the lengths of opposite edges.  Source: Liu & Joe (1994), with Crelle's formula.
     """
-    low = mesh.points.min(axis=0)
-    points = (mesh.points - low) / np.max(np.ptp(mesh.points, axis=0))
-    x, y, z = _edge_vectors(points, mesh.tets)
+    low = nodes.min(axis=0)
+    points = (nodes - low) / np.max(np.ptp(nodes, axis=0))
+    x, y, z = _edge_vectors(points, tets)
     area = sum(_length(np.cross(u, v)) for u, v in ((x, y), (y, z), (z, x), (y - x, z - x))) / 2.0
     a = _length(x) * _length(z - y)
     b = _length(y) * _length(z - x)

@@ -1,4 +1,4 @@
-"""Strain and stress of each tet and spring, and their averages at nodes.
+"""Strain and stress of each cell and spring, and their averages at nodes.
 
     F = I + H,  J = det F,  E = (FᵀF − I)/2,  S = F⁻¹P,  σ = P Fᵀ/J,  σ_vM = √(3/2 dev σ : dev σ)
 
@@ -7,7 +7,7 @@
 | E      | `strain`       | 1    |
 | S      | `second_piola` | Pa   |
 | σ      | `cauchy`       | Pa   |
-| J      | `volume_ratio` | 1; at or below 0 the tet is inverted |
+| J      | `volume_ratio` | 1; at or below 0 the cell is inverted |
 
 Bodies of linear elasticity have one strain e = (H + Hᵀ)/2 and one stress.  Stresses are the elastic
 ones, without viscosity.
@@ -15,6 +15,7 @@ ones, without viscosity.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,30 +26,32 @@ from tisoft import runtime
 from tisoft.equilibrium.operators import plain_body
 from tisoft.measures.kernels import make_measures
 from tisoft.model.part import Part
-from tisoft.model.system import System
+from tisoft.model.system import Share, System
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class TetMeasures:
-    """Strain and stress of one body's tets, in the mesh's order, f64."""
+class CellMeasures:
+    """Strain and stress of one body's cells, in the mesh's order, f64: means over their points."""
 
     strain: Floats
-    """Green's strain, shape (tets, 3, 3)."""
+    """Green's strain, shape (cells, 3, 3)."""
     second_piola: Floats
-    """Second Piola-Kirchhoff stress [Pa], shape (tets, 3, 3)."""
+    """Second Piola-Kirchhoff stress [Pa], shape (cells, 3, 3)."""
     cauchy: Floats
-    """Cauchy stress [Pa], shape (tets, 3, 3); 0 in a tet without volume."""
+    """Cauchy stress [Pa], shape (cells, 3, 3); 0 in a cell without volume."""
     von_mises: Floats
-    """Von Mises stress of `cauchy` [Pa], shape (tets,)."""
+    """Von Mises stress of `cauchy` [Pa], shape (cells,)."""
     volume_ratio: Floats
-    """Volume over volume at rest, shape (tets,)."""
+    """Volume over volume at rest, shape (cells,)."""
+    least_ratio: Floats
+    """The least J of each cell's points, shape (cells,)."""
 
     @property
     def inverted(self) -> int:
-        """Number of tets turned inside out or flat."""
-        return int(np.count_nonzero(self.volume_ratio <= 0.0))
+        """Number of cells turned inside out or flat at a point."""
+        return int(np.count_nonzero(self.least_ratio <= 0.0))
 
 
 @dataclass(frozen=True)
@@ -61,35 +64,40 @@ class SpringMeasures:
     """k (L − L₀) [N], shape (springs,)."""
 
 
-class TetGauge:
-    """Measures the tets of one body, on fields of its own in f64 (where the device has it)."""
+class CellGauge:
+    """Measures the cells of one body, on fields of its own in f64 (where the device has it)."""
 
     def __init__(self, part: Part) -> None:
         self.part = part
         precision = "f64" if runtime.has_f64() else "f32"
         self._system = System([plain_body(part.body)], precision)
         self._model = part.body.model
-        share = self._system.shares[0]
-        self._first = share.row("batches")
-        # The mesh's own order, so that nothing is permuted afterwards.
-        own = self._system.parts[0]
-        self._place = own.place[np.argsort(own.tet_order)].astype(np.int32)
-        self._launch = self._system.lease.arena.kernel(
+        self._order = np.argsort(self._system.parts[0].cell_order)
+        self._reads = [self._read_of(share) for share in self._system.shares]
+
+    def _read_of(self, share: Share) -> tuple[Any, int, Any, list[NDArray[Any]]]:
+        """Kernel, first batch, places of cells and room for results of one block."""
+        ((_, cells),) = share.members
+        launch = self._system.lease.arena.kernel(
             ("measures", share.block), lambda: make_measures(self._system.state, share.block)
         )
-        count = len(part.tets)
-        shapes: list[tuple[int, ...]] = [(count, 3, 3)] * 3 + [(count,)] * 2
-        self._outs = [np.zeros(shape, self._system.real) for shape in shapes]
+        count = len(cells.nodes)
+        shapes: list[tuple[int, ...]] = [(count, 3, 3)] * 3 + [(count,)] * 3
+        outs = [np.zeros(shape, self._system.real) for shape in shapes]
+        return launch, share.row("batches"), cells.place.astype(np.int32), outs
 
-    def read(self, u: NDArray[Any]) -> TetMeasures:
-        """The tets' strain and stress at displacements u [m] of the body's nodes."""
+    def read(self, u: NDArray[Any]) -> CellMeasures:
+        """The cells' strain and stress at displacements u [m] of the body's nodes."""
         if self.part.body.model is not self._model:
             self._model = self.part.body.model
             self._system.parts[0].body = plain_body(self.part.body)
             self._system.reread_models()
         self._system.set_motion(u, np.zeros_like(u))
-        self._launch(self._first, self._place, *self._outs)
-        return TetMeasures(*(np.array(out, np.float64) for out in self._outs))
+        for launch, first, place, outs in self._reads:
+            launch(first, place, *outs)
+        columns = zip(*[outs for *_, outs in self._reads], strict=True)
+        ordered = [np.concatenate(column)[self._order].astype(np.float64) for column in columns]
+        return CellMeasures(*ordered)
 
 
 def measure_springs(part: Part, u: Floats) -> SpringMeasures:
@@ -108,18 +116,21 @@ class NodalAverage:
     """Averages values of elements at the nodes of a mesh, weighted by volume (or equally).
 
     Args:
-        elements: nodes of each element, shape (elements, corners).
+        elements: nodes of each element, an array of shape (elements, corners) for each kind.
         nodes: number of nodes.
         weights: of the elements, as rest volumes [m³], shape (elements,); left out, 1.
     """
 
     def __init__(
-        self, elements: NDArray[np.integer], nodes: int, weights: Floats | None = None
+        self,
+        elements: Sequence[NDArray[np.integer]],
+        nodes: int,
+        weights: Floats | None = None,
     ) -> None:
-        self._corners = np.asarray(elements).ravel()
-        self._width = elements.shape[1]
+        self._corners = np.concatenate([np.asarray(own).ravel() for own in elements])
+        self._width = np.concatenate([np.full(len(own), own.shape[1]) for own in elements])
         self._nodes = nodes
-        self._weights = np.ones(len(elements)) if weights is None else weights
+        self._weights = np.ones(len(self._width)) if weights is None else weights
         total = self._sum(self._weights)
         self._scale = np.divide(1.0, total, out=np.zeros(nodes), where=total > 0.0)
 

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from tisoft.body import Body
 from tisoft.measures.elements import (
+    CellGauge,
+    CellMeasures,
     NodalAverage,
     SpringMeasures,
-    TetGauge,
-    TetMeasures,
     measure_springs,
 )
 from tisoft.measures.momentum import angular_momentum, linear_momentum
@@ -37,32 +37,32 @@ class Measures:
 
     def __init__(self, simulation: Measured) -> None:
         self._simulation = simulation
-        self._gauges: dict[int, TetGauge] = {}
+        self._gauges: dict[int, CellGauge] = {}
         self._averages: dict[int, NodalAverage] = {}
 
-    def elements(self, body: Body) -> TetMeasures | SpringMeasures:
-        """Strain and stress of a body's tets, in the mesh's order, or of its springs."""
+    def elements(self, body: Body) -> CellMeasures | SpringMeasures:
+        """Strain and stress of a body's cells, in the mesh's order, or of its springs."""
         part = self._simulation.part(body)
         if part.is_springs:
             return measure_springs(part, self._u(part))
         return self._gauge(part).read(self._u(part))
 
     def nodal(self, body: Body, values: Any) -> Floats:
-        """Averages at nodes, shape (nodes, …), of values per tet (weighted by volume) or spring."""
+        """Averages at nodes, shape (nodes, …), of values per cell (by volume) or spring."""
         part = self._simulation.part(body)
         if part.index not in self._averages:
             mesh = body.mesh
             if part.is_springs:
-                average = NodalAverage(body.springs(), len(mesh.points))
+                average = NodalAverage([body.springs()], len(mesh.points))
             else:
-                volumes = np.empty(len(part.tets))
-                volumes[part.tet_order] = part.volume
-                average = NodalAverage(mesh.tets, len(mesh.points), volumes)
+                volumes = np.empty(part.elements)
+                volumes[part.cell_order] = part.volume
+                average = NodalAverage(list(mesh.cells.values()), len(mesh.points), volumes)
             self._averages[part.index] = average
         return self._averages[part.index](values)
 
     def inverted(self, body: Body | None = None) -> int:
-        """Number of tets of a body, or of all, that are turned inside out or flat."""
+        """Number of cells of a body, or of all, that are turned inside out or flat."""
         parts = [part for part in self._parts(body) if not part.is_springs]
         return sum(self._gauge(part).read(self._u(part)).inverted for part in parts)
 
@@ -81,7 +81,7 @@ class Measures:
     def _u(self, part: Part) -> Floats:
         return self._simulation.system.u[part.nodes].astype(np.float64)
 
-    def _gauge(self, part: Part) -> TetGauge:
+    def _gauge(self, part: Part) -> CellGauge:
         if part.index not in self._gauges:
-            self._gauges[part.index] = TetGauge(part)
+            self._gauges[part.index] = CellGauge(part)
         return self._gauges[part.index]

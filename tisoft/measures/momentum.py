@@ -42,6 +42,7 @@ def _spin(part: Part, x: Floats, v: Floats) -> Floats:
     if not part.is_consistent:
         return np.asarray(part.mass @ np.cross(x, v))
     assert isinstance(model, SolidModel)
-    xs, vs = x[part.tets], v[part.tets]
+    (cells,) = part.solids
+    xs, vs = x[cells.nodes], v[cells.nodes]
     sums = np.cross(xs.sum(axis=1), vs.sum(axis=1)) + np.cross(xs, vs).sum(axis=1)
     return np.asarray(model.density / 20.0 * (part.volume @ sums))

@@ -31,7 +31,10 @@ class Block:
         self.element, self.law, precision, self.lanes = structure
         self.serial = runtime.on_cpu()
         self.real = runtime.real_type(precision)[1]
-        self.columns = 2 + (0 if self.law is None else len(self.law.constants(1.0, 1.0)))
+        self.columns = 2 + self.element.constants
+        if self.law is not None:
+            self.columns += len(self.law.constants(1.0, 1.0))
+        self.points, self.known = self.element.points, self.element.known
         corners, numbers, lanes = self.element.corners, self.element.numbers, self.lanes
         self.corners = corners
         builder = ti.FieldsBuilder()
@@ -48,14 +51,15 @@ class Block:
         """Rows of `State.force` that the corners' forces are added to."""
         self.rest = field(self.real, "batches", numbers, lanes)
         """Rest numbers of the element; 0 in lanes that hold no cell."""
-        self.modes = field(self.real, "batches", 4, lanes)
-        """ω² [1/s²], damping rate [1/s], 4γ/ρ [1/(kg/m)] at rest, and weight, see `bound`."""
+        self.modes = field(self.real, "batches", self.known, lanes)
+        """ω² [1/s²], damping rate [1/s], what growth adds to ω² [1/(kg/m)] at rest, and weight (see
+        `bound`); then what the element's `stiffened` asks for."""
         self.stiffest = field(self.real, "batches", lanes)
         """ω² [1/s²] of each cell as deformed, when the bound was last looked at."""
         self.owner = field(ti.i32, "batches")
         """Row of its material."""
         self.material = field(self.real, "materials", self.columns)
-        """The law's constants [Pa], then φ and η [Pa·s]."""
+        """The law's constants [Pa], the element's, then φ and η [Pa·s]."""
         self.is_viscous = field(ti.i32, "materials")
         """Whether φ, η or dampers are not 0."""
         self.origin = field(ti.i32, "materials")
@@ -71,7 +75,7 @@ class Block:
         """Memory that the fields take [bytes]."""
         element, _, precision, lanes = structure
         real = 8 if precision == "f64" else 4
-        cell = element.corners * 8 + (element.numbers + 5) * real
+        cell = element.corners * 8 + (element.numbers + element.known + 1) * real
         return rows["batches"] * lanes * cell
 
     def destroy(self) -> None:
@@ -91,7 +95,7 @@ class Block:
                     self.places[b, c, lane] = places[k, c, lane]
                 for c in range(self.element.numbers):
                     self.rest[b, c, lane] = rest[k, c, lane]
-                for c in range(4):
+                for c in range(self.known):
                     self.modes[b, c, lane] = modes[k, c, lane]
 
     @ti.kernel
@@ -108,7 +112,7 @@ class Block:
         """Write what bounds the cells' frequencies at rest."""
         ti.loop_config(serialize=self.serial)
         for k in range(modes.shape[0]):
-            for c in range(4):
+            for c in range(self.known):
                 for lane in range(self.lanes):
                     self.modes[first + k, c, lane] = modes[k, c, lane]
 

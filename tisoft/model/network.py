@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft.body import Body
-from tisoft.geometry.mesh import Mesh
-from tisoft.geometry.topology import TET_EDGES
+from tisoft.geometry.cells import CELLS
+from tisoft.geometry.mesh import Mesh, SpringNet
 from tisoft.models.materials import MassSpring
 
 Floats = NDArray[np.float64]
@@ -71,9 +71,12 @@ def _volume_share(
 ) -> Floats:
     """Volume that each spring stands for [m³], shape (springs,)."""
     nodes = len(mesh.points)
-    if len(mesh.tets):
-        keys = _keys(mesh.tets[:, TET_EDGES], nodes)
-        share = np.repeat(_volumes(mesh), 6)
+    if mesh.elements:
+        # A tet's edges stand for its volume six times; those of other cells in sum for as much.
+        edges = [rows[:, CELLS[word].edges] for word, rows in mesh.cells.items()]
+        keys = _keys(np.concatenate([own.reshape(-1, 2) for own in edges]), nodes)
+        each = np.concatenate([np.full(len(own), own.shape[1]) for own in edges])
+        share = np.repeat(6.0 / each * _volumes(mesh), each)
     else:
         assert thickness is not None
         areas = triangle_areas(mesh.points, mesh.surface)
@@ -99,9 +102,19 @@ def triangle_areas(points: Floats, triangles: NDArray[np.integer]) -> Floats:
 
 
 def _volumes(mesh: Mesh) -> Floats:
-    corners = mesh.points[mesh.tets]
-    volumes: Floats = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6.0
-    return volumes
+    assert not isinstance(mesh, SpringNet)
+    return mesh.volumes
+
+
+def node_volumes(mesh: Mesh) -> Floats:
+    """Volume that each node stands for [m³]: every cell's shared out equally, shape (nodes,)."""
+    total, volumes, begun = np.zeros(len(mesh.points)), _volumes(mesh), 0
+    for rows in mesh.cells.values():
+        own = volumes[begun : begun + len(rows)] / rows.shape[1]
+        begun += len(rows)
+        each = np.repeat(own, rows.shape[1])
+        total += np.bincount(rows.ravel(), each, minlength=len(total))
+    return total
 
 
 def _masses(mesh: Mesh, model: MassSpring) -> Floats:
@@ -109,9 +122,8 @@ def _masses(mesh: Mesh, model: MassSpring) -> Floats:
     if model.node_mass is not None:
         return np.broadcast_to(np.asarray(model.node_mass, float), (nodes,)).copy()
     assert model.density is not None
-    if len(mesh.tets):
-        quarters = np.repeat(model.density * _volumes(mesh) / 4.0, 4)
-        return np.bincount(mesh.tets.ravel(), quarters, minlength=nodes).astype(np.float64)
+    if mesh.elements:
+        return model.density * node_volumes(mesh)
     assert model.thickness is not None
     thirds = model.density * model.thickness * triangle_areas(mesh.points, mesh.surface) / 3.0
     weights = np.repeat(thirds, 3)

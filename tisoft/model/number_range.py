@@ -50,8 +50,10 @@ def _of_part(part: Part) -> Iterator[tuple[str, str, Numbers, float]]:
     yield "mass of a node", "kg", part.mass, 1.0
     model = part.body.model
     if isinstance(model, SolidModel):
-        yield "altitude of a tet", "m", 1.0 / np.linalg.norm(part.gradient, axis=2).ravel(), 1.0
-        yield "volume of a tet", "m³", part.volume, 1.0
+        for cells in part.solids:
+            slopes = np.linalg.norm(cells.gradients, axis=3).max(axis=2)
+            yield f"size of a {cells.element.word}", "m", 1.0 / slopes.ravel(), 1.0
+            yield f"volume of a {cells.element.word}", "m³", cells.volume, 1.0
         yield "Lamé constant", "Pa", [model.lame_lambda, model.lame_mu], 0.0
         yield "viscosity", "Pa·s", [model.phi, model.eta], 0.0
     elif len(part.springs):

@@ -1,7 +1,7 @@
 """One body's share of a scene: its numbering, masses and cells, in internal order.
 
-Internally nodes and cells follow Morton curves; `order` and `tet_order` lead back to the mesh's own
-order, `rank` from it.  World position = rest point + shift of the body's origin + u.
+Internally nodes and cells follow Morton curves; `order` and `Cells.order` lead back to the mesh's
+own order, `rank` from it.  World position = rest point + shift of the body's origin + u.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from tisoft import laws
 from tisoft.body import Body
 from tisoft.checks import FieldError
-from tisoft.elements import spring, tensor, tet4
+from tisoft.elements import spring, tensor
 from tisoft.geometry.topology import morton_order
+from tisoft.model.cells import Cells, cells_of
 from tisoft.model.network import Network, network
 from tisoft.models.materials import MassSpring, MassTensor, SolidModel
 
@@ -39,19 +40,13 @@ class Part:
     """Middle of the rest points [m], shape (3,): rest positions inside are relative to it."""
     mass: Floats
     """Lumped masses [kg], shape (nodes,)."""
-    tet_order: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
-    tets: Ints = field(default_factory=lambda: np.empty((0, 4), np.int32))
-    """Nodes of each tet (counted from `start`), shape (tets, 4)."""
-    tet_rest: Floats = field(default_factory=lambda: np.empty((0, 10)))
-    """Rest numbers of each tet (`elements.tet4`)."""
+    solids: list[Cells] = field(default_factory=list)
+    """Its cells, a list for each element; empty for springs."""
     springs: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 2), np.int64))
     """Nodes of each spring, in the order of `Body.springs`."""
     spring_numbers: Floats = field(default_factory=lambda: np.empty((0, 3)))
     """k [N/m], L₀ [m], c [N·s/m] of each spring."""
-    place: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
-    """Batch · lanes + lane of each of its cells in its block."""
     shift: Floats = field(default_factory=lambda: np.zeros(3))
-    _known_frequencies: dict[tuple[float, float], Floats] = field(default_factory=dict)
     kind: tuple[str, str] | None = None
     """Law and mass that the arrays were built for; None for springs."""
 
@@ -82,15 +77,25 @@ class Part:
         """Rest points relative to `center` [m], shape (nodes, 3)."""
         return (self.body.mesh.points - self.center)[self.order]
 
-    @property
-    def gradient(self) -> Floats:
-        """∇N_1..3 of each tet [1/m], shape (tets, 3, 3)."""
-        return self.tet_rest[:, :9].reshape(-1, 3, 3)
+    @cached_property
+    def elements(self) -> int:
+        """How many cells it has."""
+        return sum(len(cells.nodes) for cells in self.solids)
 
-    @property
+    @cached_property
     def volume(self) -> Floats:
-        """Of each tet [m³], shape (tets,)."""
-        return self.tet_rest[:, 9]
+        """Of each cell [m³], shape (elements,), in the order of `solids`."""
+        return np.concatenate([np.empty(0), *[cells.volume for cells in self.solids]])
+
+    @cached_property
+    def cell_order(self) -> NDArray[np.int64]:
+        """Number in the mesh of each cell, in the order of `solids`."""
+        return np.concatenate([np.empty(0, np.int64), *[cells.order for cells in self.solids]])
+
+    def kind_of_cell(self, number: int) -> str:
+        """What a cell is called, by its place in the order of `solids`."""
+        ends = np.cumsum([len(cells.nodes) for cells in self.solids])
+        return str(self.solids[int(np.searchsorted(ends, number, side="right"))].element.word)
 
     @property
     def is_springs(self) -> bool:
@@ -108,13 +113,6 @@ class Part:
         return isinstance(self.body.model, MassTensor)
 
     @property
-    def element(self) -> Any:
-        """Class of its elements."""
-        if self.is_springs:
-            return spring.Spring
-        return tensor.Tensor if self.is_tensor else tet4.Tet4
-
-    @property
     def law(self) -> Any:
         """Class of its law; None for elements that need none."""
         return None if self.is_springs or self.is_tensor else self.solid_law
@@ -124,13 +122,16 @@ class Part:
         """Class of the law that its tets obey, mass-tensors' too; None for springs."""
         return None if self.kind is None else laws.law(self.kind[0])
 
-    def material(self) -> list[float]:
-        """The row m of its block: constants of the law [Pa], φ and η [Pa·s]."""
+    def material(self, element: Any) -> list[float]:
+        """The row m of its block for an element: constants of the law [Pa], those of the element,
+        elastic [Pa] and viscous [Pa·s], and φ and η [Pa·s].
+        """
         model = self.body.model
         if not isinstance(model, SolidModel) or self.is_tensor:
             return [0.0, 0.0]
+        own = [element.of_material(*pair) for pair in _pairs(model)]
         constants = self.law.constants(model.lame_lambda, model.lame_mu)
-        return [*constants, model.phi, model.eta]
+        return [*constants, *own[0], *own[1], model.phi, model.eta]
 
     def is_viscous(self) -> bool:
         """Whether it damps the rate of its strain or of its springs."""
@@ -139,42 +140,35 @@ class Part:
             return bool(model.phi or model.eta)
         return bool(self.spring_numbers[:, 2].any())
 
-    def cells(self) -> tuple[NDArray[np.integer], Floats]:
-        """Nodes of its elements (from `start`) and their rest numbers, in internal order."""
-        model = self.body.model
+    def blocks(self) -> list[Cells]:
+        """What its blocks are filled with: its cells, its springs, or its mass-tensors' edges."""
         if self.is_springs:
-            return self.springs, spring.Spring.rest(self.rest, self.springs, self.spring_numbers)
+            rest = spring.Spring.rest(self.rest, self.springs, self.spring_numbers)
+            return [self._edges(spring.Spring, self.springs, rest)]
         if not self.is_tensor:
-            return self.tets, self.tet_rest
-        assert isinstance(model, SolidModel)
-        pairs = ((model.lame_lambda, model.lame_mu), (model.phi, model.eta))
-        sums = [tensor.edge_sums(self.tets, tensor.tensor_blocks(self.tet_rest, *p)) for p in pairs]
-        return sums[0][0], np.concatenate([sums[0][1], sums[1][1]], axis=1)
+            return self.solids
+        assert isinstance(self.body.model, SolidModel)
+        sums = [
+            tensor.edge_sums([(cells.nodes, cells.matrices(*pair)) for cells in self.solids])
+            for pair in _pairs(self.body.model)
+        ]
+        rest = np.concatenate([sums[0][1], sums[1][1]], axis=1)
+        return [self._edges(tensor.Tensor, sums[0][0], rest)]
 
-    def frequencies(self) -> tuple[Floats, Floats, Floats]:
-        """ω² [1/s²] and damping rate 2ζω [1/s] of each tet's stiffest mode at rest, with its own
-        lumped mass (consistent: a fifth of that but for its translation), and 4γ/ρ [1/(kg/m)].
+    def _edges(self, element: Any, ends: NDArray[np.integer], rest: Floats) -> Cells:
+        order = np.arange(len(ends))
+        return Cells(element, ends.astype(np.int32), rest, order)
+
+    def known(self) -> list[Floats]:
+        """`Cells.known` of each of `solids`; consistent mass is up to five times lighter than the
+        lumped but for translation.
         """
-        model, rest = self.body.model, self.tet_rest
+        model = self.body.model
         assert isinstance(model, SolidModel)
-        scale = (20.0 if self.is_consistent else 4.0) / model.density
-        omega2 = scale * self._stiffest(model.lame_lambda, model.lame_mu)
-        rate = np.zeros(len(rest))
-        if self.is_viscous():
-            rate = scale * self._stiffest(model.phi, model.eta)
-        return omega2, rate, scale * self._spread
-
-    def _stiffest(self, lam: float, mu: float) -> Floats:
-        """`Tet4.frequency`, which is proportional to its constants: found once for each ratio."""
-        unit = (lam / mu, 1.0) if mu > 0.0 else (1.0, 0.0)
-        key = round(unit[0], 12), unit[1]
-        if key not in self._known_frequencies:
-            self._known_frequencies[key] = tet4.Tet4.frequency(self.tet_rest, *unit)
-        return (mu if mu > 0.0 else lam) * self._known_frequencies[key]
-
-    @cached_property
-    def _spread(self) -> Floats:
-        return tet4.Tet4.spread_square(self.tet_rest)
+        heavier = 5.0 if self.is_consistent else 1.0
+        return [
+            cells.known(model, viscous=self.is_viscous(), heavier=heavier) for cells in self.solids
+        ]
 
     def reread(self) -> None:
         """Take numbers anew from the body's model.
@@ -205,12 +199,18 @@ class Part:
         return type(self.body.model)
 
     def weigh(self) -> None:
-        """Lumped masses of its tets."""
+        """Lumped masses of its cells."""
         model = self.body.model
         assert isinstance(model, SolidModel)
-        corners = tet4.Tet4.masses(self.tet_rest, model.density)
-        mass = np.bincount(self.tets.ravel(), corners.ravel(), minlength=len(self.order))
-        self.mass = mass.astype(np.float64)
+        self.mass = np.zeros(len(self.order))
+        for cells in self.solids:
+            each = cells.masses(model.density).ravel()
+            self.mass += np.bincount(cells.nodes.ravel(), each, minlength=len(self.order))
+
+
+def _pairs(model: SolidModel) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Lamé constants [Pa], and viscous ones [Pa·s]."""
+    return (model.lame_lambda, model.lame_mu), (model.phi, model.eta)
 
 
 def parts_of(bodies: list[Body]) -> list[Part]:
@@ -229,7 +229,7 @@ def parts_of(bodies: list[Body]) -> list[Part]:
             part.spring_numbers = spring_numbers(net)
             part.mass = net.masses[order]
         else:
-            _number_tets(part)
+            _number_cells(part)
         _check_mass(part)
         parts.append(part)
         start += len(order)
@@ -242,13 +242,9 @@ def spring_numbers(net: Network) -> Floats:
     return np.stack([net.stiffness, net.lengths, damping], axis=1)
 
 
-def _number_tets(part: Part) -> None:
+def _number_cells(part: Part) -> None:
     mesh, model = part.body.mesh, part.body.model
-    centroids = mesh.points[mesh.tets].mean(axis=1)
-    part.tet_order = morton_order(centroids)
-    tets = mesh.tets[part.tet_order]
-    part.tets = part.rank[tets].astype(np.int32)
-    part.tet_rest = tet4.Tet4.rest(mesh.points - part.center, tets)
+    part.solids = cells_of(mesh, part.center, part.rank)
     assert isinstance(model, SolidModel)
     part.kind = (model.law, model.mass)
     part.weigh()

@@ -115,7 +115,7 @@ class State:
         self.pressure_ends = field(ti.types.vector(2, ti.i32), "pressures")
         """The face's two other nodes, seen counter-clockwise from outside."""
         self.pressure_numbers = field(real, "pressures", PRESSURE_NUMBERS)
-        """X_j − X_i, X_k − X_i [m] and p/6 [Pa]."""
+        """X_j − X_i, X_k − X_i [m] and p c [Pa], see `external`."""
 
         self.drag = field(real, "bodies")
         """Point damping [1/s] of each body."""

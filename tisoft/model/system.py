@@ -19,6 +19,7 @@ from tisoft.body import Body
 from tisoft.model import state as columns
 from tisoft.model.arena import Lease, Pool
 from tisoft.model.block import Block
+from tisoft.model.cells import Cells
 from tisoft.model.layout import Batches, copies_of, in_batches, lanes_of
 from tisoft.model.mass import ConsistentMass, mass_rows
 from tisoft.model.part import Part, parts_of
@@ -29,17 +30,20 @@ Floats = NDArray[np.float64]
 
 SMALL = 2000
 """Cells up to which one thread looks at them sooner than two can be called."""
-MODES = 4
-"""Columns of `Block.modes`."""
 
 
 @dataclass
 class Share:
     """A scene's cells of one element and one law."""
 
-    parts: list[Part]
+    members: list[tuple[Part, Cells]]
     batches: Batches
     lease: Lease
+
+    @property
+    def parts(self) -> list[Part]:
+        """The body of each member."""
+        return [part for part, _ in self.members]
 
     @property
     def block(self) -> Any:
@@ -68,7 +72,7 @@ class System:
         self.real = runtime.real_type(precision)[0]
         self.count = sum(len(p.order) for p in self.parts)
         self.springs = sum(len(p.springs) for p in self.parts)
-        self.tets = sum(len(p.tets) for p in self.parts)
+        self.elements = sum(p.elements for p in self.parts)
         self.rest_host = np.concatenate([p.rest for p in self.parts])
         self.mass = np.concatenate([p.mass for p in self.parts])
         self.consistent = any(part.is_consistent for part in self.parts)
@@ -82,39 +86,37 @@ class System:
 
     def _build(self) -> None:
         pool = runtime.pool(Pool)
-        groups: dict[Any, list[Part]] = {}
+        groups: dict[Any, list[tuple[Part, Cells]]] = {}
         for part in self.parts:
-            groups.setdefault((part.element, part.law), []).append(part)
+            for cells in part.blocks():
+                groups.setdefault((cells.element, part.law), []).append((part, cells))
         made = []
         lanes = lanes_of(runtime.on_cpu())
-        for key, parts in groups.items():
-            cells = [part.cells() for part in parts]
-            batches = in_batches(
-                [c + p.start for (c, _), p in zip(cells, parts, strict=True)], lanes
-            )
+        for key, members in groups.items():
+            batches = in_batches([cells.nodes + part.start for part, cells in members], lanes)
             if not len(batches.owner):
                 continue
-            for part, place in zip(parts, batches.place, strict=True):
-                part.place = place
-            made.append((key, parts, batches, [rest for _, rest in cells]))
-        places, copy_starts = copies_of([batches for _, _, batches, _ in made], self.count)
+            for (_, cells), place in zip(members, batches.place, strict=True):
+                cells.place = place
+            made.append((key, members, batches))
+        places, copy_starts = copies_of([batches for _, _, batches in made], self.count)
         self._lend_nodes(pool, int(copy_starts[-1]))
         self._write_nodes(copy_starts)
         self.shares = []
-        for (key, parts, batches, rest), copies in zip(made, places, strict=True):
-            self.shares.append(self._lend_cells(pool, key, parts, batches))
-            self._write_cells(self.shares[-1], copies, rest)
+        for (key, members, batches), copies in zip(made, places, strict=True):
+            self.shares.append(self._lend_cells(pool, key, members, batches))
+            self._write_cells(self.shares[-1], copies)
         self.mass_lease = self._lend_mass(pool) if self.consistent else None
         self._write_scene()
 
     def _lend_nodes(self, pool: Pool, copies: int) -> None:
-        faces = sum(len(p.body.mesh.surface) for p in self.parts)
+        pressures = sum(p.body.mesh.boundary.pressed_rows for p in self.parts)
         needs = {
             "nodes": self.count + 1,
             "copies": max(1, copies),
             "bodies": len(self.parts) + 1,
             "chunks": -(-self.count // columns.CHUNK),
-            "pressures": 3 * faces,
+            "pressures": pressures,
             "probes": len(self._probes),
             "records": columns.FRAMES * (1 + len(self._probes)),
             "scenes": 1,
@@ -140,14 +142,16 @@ class System:
         """One past the last node's row."""
         return self.first + self.count
 
-    def _lend_cells(self, pool: Pool, key: Any, parts: list[Part], batches: Batches) -> Share:
+    def _lend_cells(
+        self, pool: Pool, key: Any, members: list[tuple[Part, Cells]], batches: Batches
+    ) -> Share:
         structure = (*key, self.precision, batches.lanes)
         needs = {
             "batches": len(batches.owner),
             "parts": batches.parts + 1,
-            "materials": len(parts),
+            "materials": len(members),
         }
-        return Share(parts, batches, self._keep(pool.lend(Block, structure, needs)))
+        return Share(members, batches, self._keep(pool.lend(Block, structure, needs)))
 
     def _write_nodes(self, copy_starts: NDArray[np.int32]) -> None:
         copies = self.lease.starts["copies"]
@@ -172,13 +176,13 @@ class System:
             starts = (row + count * np.arange(len(drag))).astype(np.int32)
         self.state.write_bodies(self.lease.starts["bodies"], self._reals(drag), starts)
 
-    def _write_cells(self, share: Share, copies: Any, rest: list[Floats]) -> None:
+    def _write_cells(self, share: Share, copies: Any) -> None:
         batches, block = share.batches, share.block
         block.write_cells(
             share.row("batches"),
             batches.cells + np.int32(self.first),
             copies + np.int32(self.lease.starts["copies"]),
-            self._reals(batches.filled(rest)),
+            self._reals(batches.filled([cells.rest for _, cells in share.members])),
             self._reals(self._modes(share)),
             batches.owner + np.int32(share.row("materials")),
         )
@@ -186,14 +190,16 @@ class System:
         self._write_materials(share)
 
     def _modes(self, share: Share) -> Floats:
-        """ω², damping rate, 4γ/ρ and volume of the tets, where the block has tets."""
+        """`Cells.known` of its cells, where the block has cells with a law."""
         if share.block.law is None:
-            return np.zeros((len(share.batches.owner), MODES, share.batches.lanes))
-        rows = [np.column_stack([*part.frequencies(), part.volume]) for part in share.parts]
-        return share.batches.filled(rows)
+            return np.zeros(
+                (len(share.batches.owner), share.block.element.known, share.block.lanes)
+            )
+        known = {id(c): k for p in share.parts for c, k in zip(p.solids, p.known(), strict=True)}
+        return share.batches.filled([known[id(cells)] for _, cells in share.members])
 
     def _write_materials(self, share: Share) -> None:
-        rows = np.array([part.material() for part in share.parts])
+        rows = np.array([part.material(share.block.element) for part in share.parts])
         viscous = np.array([part.is_viscous() for part in share.parts], np.int32)
         origins = np.array([self.first + part.start for part in share.parts], np.int32)
         share.block.write_materials(share.row("materials"), self._reals(rows), viscous, origins)
@@ -222,7 +228,8 @@ class System:
             found: tuple[Any, Any, Any] = (own, own, part.mass)
             if part.is_consistent:
                 assert isinstance(part.body.model, SolidModel)
-                found = mass_rows(part.tets, part.body.model.density * part.volume)
+                (cells,) = part.solids  # linear tets: `Body.validate` refuses others
+                found = mass_rows(cells.nodes, part.body.model.density * part.volume)
             entries.append((found[0] + part.start, found[1] + part.start, found[2]))
         rows, cols, values = (np.concatenate(column) for column in zip(*entries, strict=True))
         return rows, cols, values
@@ -258,7 +265,7 @@ class System:
     @property
     def is_small(self) -> bool:
         """Whether one thread is done before two could be called."""
-        return runtime.on_cpu() and self.tets + self.springs < SMALL
+        return runtime.on_cpu() and self.elements + self.springs < SMALL
 
     @property
     def record_rows(self) -> int:
@@ -282,7 +289,7 @@ class System:
         self.state.write_masses(self.first, self._reals(1.0 / self.mass))
         for share in self.shares:
             if share.block.law is None:  # springs and tensors hold their stiffness in rest numbers
-                rest = share.batches.filled([part.cells()[1] for part in share.parts])
+                rest = share.batches.filled([part.blocks()[0].rest for part in share.parts])
                 share.block.write_rest(share.row("batches"), self._reals(rest))
             else:
                 share.block.write_modes(share.row("batches"), self._reals(self._modes(share)))

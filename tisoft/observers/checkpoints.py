@@ -34,7 +34,7 @@ _KEYS = {
     "pins": "pin",
     "loads": "load",
 }
-_MESHES = ("TetMesh", "SpringNet")
+_MESHES = ("TetMesh", "SolidMesh", "SpringNet")
 
 
 class Published(Protocol):

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tisoft.body import Body
 from tisoft.errors import SceneError
 from tisoft.measures.elements import SpringMeasures
-from tisoft.model.network import triangle_areas
+from tisoft.model.network import node_volumes, triangle_areas
 from tisoft.model.part import Part
 from tisoft.models.materials import MassSpring
 from tisoft.simulation import Simulation
@@ -97,11 +97,8 @@ def _node_volumes(part: Part) -> Floats:
     body, mesh = part.body, part.body.mesh
     assert isinstance(body.model, MassSpring)
     count = len(mesh.points)
-    if len(mesh.tets):
-        corners = mesh.points[mesh.tets]
-        volumes = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6.0
-        shares = np.bincount(mesh.tets.ravel(), np.repeat(volumes / 4.0, 4), minlength=count)
-        return shares[part.order].astype(np.float64)
+    if mesh.elements:
+        return node_volumes(mesh)[part.order]
     if body.model.thickness is None or not len(mesh.surface):
         raise SceneError(
             f'the springs of "{body.name}" have no volume, so no stress; '

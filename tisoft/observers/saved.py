@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft.errors import SceneError
-from tisoft.geometry.topology import boundary_faces
+from tisoft.geometry.cells import point_volumes
+from tisoft.geometry.faces import boundary_of
 from tisoft.measures.elements import NodalAverage
 from tisoft.observers.quantities import mises
 from tisoft.observers.scenery import TRANSLUCENT, Actor, spring_items
@@ -23,6 +24,9 @@ from tisoft.render.colormap import body_color
 from tisoft.render.items import Surface
 
 Floats = NDArray[np.float64]
+
+SOLIDS = {"tetra": "tet4", "tetra10": "tet10", "hexahedron": "hex8"}
+"""Kinds of cells of solids, as meshio and as `geometry.cells` calls them."""
 
 
 class SavedRun:
@@ -101,9 +105,9 @@ class SavedRun:
 def _of_cells(mesh: Any, index: int, kind: str, color: str) -> Floats | None:
     """The quantity of every cell of a block."""
     data = mesh.cell_data
-    if kind == "tetra" and color == "stress" and "von_mises" in data:
+    if kind in SOLIDS and color == "stress" and "von_mises" in data:
         return np.asarray(data["von_mises"][index], np.float64)
-    if kind == "tetra" and color == "strain" and "strain" in data:
+    if kind in SOLIDS and color == "strain" and "strain" in data:
         tensors = np.asarray(data["strain"][index], np.float64).reshape(-1, 3, 3)
         return 100.0 * mises(tensors) * 2.0 / 3.0
     if kind == "line" and color == "strain" and "spring_strain" in data:
@@ -129,20 +133,18 @@ def _averages(mesh: Any) -> dict[str, NodalAverage]:
     """How values of cells become values of nodes, by kind of cell."""
     made = {}
     for cells in mesh.cells:
-        if cells.type == "tetra":
-            made["tetra"] = NodalAverage(cells.data, len(mesh.points), _volumes(mesh, cells.data))
+        if cells.type in SOLIDS:
+            volumes = _volumes(mesh, SOLIDS[cells.type], cells.data)
+            made[cells.type] = NodalAverage([cells.data], len(mesh.points), volumes)
         elif cells.type == "line":
-            made["line"] = NodalAverage(cells.data, len(mesh.points))
+            made["line"] = NodalAverage([cells.data], len(mesh.points))
     return made
 
 
-def _volumes(mesh: Any, tets: NDArray[np.int64]) -> Floats:
-    """Of the tets at rest [m³]."""
+def _volumes(mesh: Any, word: str, cells: NDArray[np.int64]) -> Floats:
+    """Of the cells at rest [m³]."""
     rest = mesh.points - mesh.point_data.get("displacement", 0.0)
-    a = rest[tets]
-    sides = a[:, 1:] - a[:, :1]
-    volumes: Floats = np.abs(np.linalg.det(sides)) / 6.0
-    return volumes
+    return np.abs(point_volumes(word, np.asarray(rest, np.float64)[cells])).sum(axis=1)
 
 
 def _carriers(mesh: Any) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
@@ -179,10 +181,12 @@ def _actors(mesh: Any) -> list[Actor]:
     numbers = [0] if owner is None else np.unique(np.concatenate(owner)).astype(int).tolist()
     for number in numbers:
         color = body_color(number)
-        tets, triangles, lines = (of(kind, number) for kind in ("tetra", "triangle", "line"))
-        if len(tets) and not len(triangles):
-            triangles = boundary_faces(tets)
-        nodes = np.concatenate([a.ravel() for a in (tets, triangles, lines)])
+        triangles, lines = (of(kind, number) for kind in ("triangle", "line"))
+        solids = {word: of(kind, number) for kind, word in SOLIDS.items()}
+        solids = {word: rows for word, rows in solids.items() if len(rows)}
+        if solids and not len(triangles):
+            triangles = boundary_of(solids).triangles.astype(np.int32)
+        nodes = np.concatenate([a.ravel() for a in (*solids.values(), triangles, lines)])
         actor = Actor(f"body{number}", slice(int(nodes.min()), int(nodes.max()) + 1))
         if len(triangles):
             actor.items = [Surface(points, triangles, color, translucent=TRANSLUCENT)]

@@ -20,7 +20,7 @@ def summary(
     warnings: list[str],
 ) -> dict[str, Any]:
     """The result of a run; `wall_seconds` is stepping with what watched it, without compiling."""
-    elements = sim.system.tets or sim.system.springs
+    elements = sim.system.elements or sim.system.springs
     steps = sim.steps or [sim.substeps_of(1.0 / sim.scene.frame_rate)[1]]
     solve = sim.mass_solve()
     more = {} if solve is None else {"mass_solve": solve}
@@ -34,7 +34,7 @@ def summary(
         "stable_step": stable_step,
         "limiting_element": limiting,
         "nodes": sim.system.count,
-        "elements": sim.system.tets,
+        "elements": sim.system.elements,
         "springs": sim.system.springs,
         "wall_seconds": wall_seconds,
         "compile_seconds": sim.compile_seconds,

@@ -10,7 +10,7 @@
 | von_mises, volume_ratio | cell | [Pa]; J, at or below 0 inside out                               |
 | spring_strain, tension  | cell | of springs; [N]                                                 |
 
-In a scene of tets and springs each kind of cell has NaN for what only the other kind has.  Skins
+In a scene of solids and springs each kind of cell has NaN for what only the other kind has.  Skins
 are triangles, whose points come after all nodes.
 """
 
@@ -23,11 +23,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft.geometry.files import write_vtu
-from tisoft.measures.elements import SpringMeasures, TetMeasures
+from tisoft.geometry.files.write import KINDS
+from tisoft.geometry.solid import FIELDS
+from tisoft.measures.elements import SpringMeasures
 from tisoft.simulation import Simulation
 
 TENSORS = ("strain", "second_piola", "cauchy")
 SCALARS = ("von_mises", "volume_ratio")
+WORDS = {word: name for name, word in FIELDS.items()}
+"""Names of cells in files, by kind."""
 
 
 class StateFiles:
@@ -43,27 +47,29 @@ class StateFiles:
         ]
         self._rest = self._with_skins(np.concatenate([body.mesh.points for body in bodies]))
         starts = np.cumsum([0, *(len(body.mesh.points) for body in bodies)])
-        tets, lines = [np.empty((0, 4), np.int64)], [np.empty((0, 2), np.int64)]
-        triangles = [np.empty((0, 3), np.int64)]
-        owners: tuple[list[Any], list[Any]] = ([], [])
-        skin_owners, first = [np.empty(0, np.int32)], int(starts[-1])
+        cells: dict[str, list[Any]] = {kind: [] for kind in KINDS}
+        owners: dict[str, list[Any]] = {kind: [] for kind in KINDS}
+
+        def add(kind: str, rows: NDArray[Any], first: int, body: int) -> None:
+            cells[kind].append(rows.astype(np.int64) + first)
+            owners[kind].append(np.full(len(rows), body, np.int32))
+
+        first = int(starts[-1])
         for index, body in enumerate(bodies):
             if body.skin:
-                triangles.append(body.skin.triangles.astype(np.int64) + first)
-                skin_owners.append(np.full(len(body.skin.triangles), index, np.int32))
+                add("triangles", body.skin.triangles, first, index)
                 first += len(body.skin.corners)
         for part in sim.parts:
-            cells = part.body.springs() if part.is_springs else part.body.mesh.tets
-            (lines if part.is_springs else tets).append(cells + starts[part.index])
-            owners[part.is_springs].append(np.full(len(cells), part.index, np.int32))
-        kinds = {
-            "tets": np.concatenate(tets),
-            "triangles": np.concatenate(triangles),
-            "lines": np.concatenate(lines),
-        }
-        self._cells = {kind: rows for kind, rows in kinds.items() if len(rows)}
-        self._counts = [len(rows) for rows in kinds.values()]
-        self._owner = np.concatenate([*owners[0], *skin_owners, *owners[1]])
+            start = int(starts[part.index])
+            if part.is_springs:
+                add("lines", part.body.springs(), start, part.index)
+                continue
+            for word, rows in part.body.mesh.cells.items():
+                add(WORDS[word], rows, start, part.index)
+        self._cells = {kind: np.concatenate(rows) for kind, rows in cells.items() if rows}
+        self._owner = np.concatenate(
+            [np.empty(0, np.int32), *(o for k in KINDS for o in owners[k])]
+        )
 
     def _with_skins(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Values at nodes, and after them those at the points of all skins."""
@@ -86,26 +92,30 @@ class StateFiles:
         write_vtu(path, x, point_data=points, cell_data=cells, **self._cells)
 
     def _cell_data(self) -> dict[str, NDArray[Any]]:
-        """Values of all cells, tets first, f32: the files are large."""
-        measured = [self.sim.measures.elements(part.body) for part in self.sim.parts]
-        tets = [m for m in measured if isinstance(m, TetMeasures)]
-        springs = [m for m in measured if isinstance(m, SpringMeasures)]
+        """Values of all cells, in the order of KINDS, f32: the files are large."""
+        tables: dict[str, list[dict[str, NDArray[Any]]]] = {kind: [] for kind in self._cells}
+        for part in self.sim.parts:
+            measured = self.sim.measures.elements(part.body)
+            if isinstance(measured, SpringMeasures):
+                strain, tension = measured.strain, measured.tension
+                tables["lines"].append({"spring_strain": strain, "tension": tension})
+                continue
+            values = {name: getattr(measured, name).reshape(-1, 9) for name in TENSORS}
+            values |= {name: getattr(measured, name) for name in SCALARS}
+            begun = 0
+            for word, rows in part.body.mesh.cells.items():
+                own = slice(begun, begun + len(rows))
+                begun += len(rows)
+                tables[WORDS[word]].append({name: all_[own] for name, all_ in values.items()})
         data: dict[str, NDArray[Any]] = {"body": self._owner}
-        if tets:
-            for name in TENSORS:
-                rows = [getattr(m, name).reshape(-1, 9) for m in tets]
-                data[name] = self._filled(np.concatenate(rows), 0)
-            for name in SCALARS:
-                data[name] = self._filled(np.concatenate([getattr(m, name) for m in tets]), 0)
-        if springs:
-            strain = np.concatenate([m.strain for m in springs])
-            data["spring_strain"] = self._filled(strain, 2)
-            data["tension"] = self._filled(np.concatenate([m.tension for m in springs]), 2)
+        begun = 0
+        for kind, rows in self._cells.items():
+            known = tables[kind]
+            for name in known[0] if known else ():
+                joined = np.concatenate([table[name] for table in known])
+                if name not in data:
+                    shape = (len(self._owner), *joined.shape[1:])
+                    data[name] = np.full(shape, np.nan, np.float32)
+                data[name][begun : begun + len(joined)] = joined
+            begun += len(rows)
         return data
-
-    def _filled(self, values: NDArray[np.float64], kind: int) -> NDArray[np.float32]:
-        """Values of one kind of cell among NaN for the others."""
-        out = np.full((sum(self._counts), *values.shape[1:]), np.nan, np.float32)
-        start = sum(self._counts[:kind])
-        out[start : start + len(values)] = values
-        return out

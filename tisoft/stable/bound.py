@@ -24,7 +24,6 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from tisoft.elements.spring import frequencies
-from tisoft.laws.base import cofactor, volume_change
 from tisoft.model.part import Part
 from tisoft.step import forces
 
@@ -41,12 +40,20 @@ def longest_step(omega2: Floats, rate: Floats) -> Floats:
     return out
 
 
-def average_at_nodes(cells: NDArray[np.integer], weight: Floats, values: Floats, nodes: int) -> Any:
-    """Averages of values of cells at their nodes, by weight; 0 at nodes without cells."""
-    width = cells.shape[1]
-    total = np.bincount(cells.ravel(), np.repeat(weight, width), minlength=nodes)
-    sums = np.bincount(cells.ravel(), np.repeat(weight * values, width), minlength=nodes)
-    return np.divide(sums, total, out=np.zeros(nodes), where=total > 0.0)
+def averages(part: Part, weight: Floats, values: list[Floats]) -> Floats:
+    """Averages at a body's nodes, by weight, of columns of values of its cells, a list for each
+    element; 0 at nodes without cells, shape (nodes, columns).
+    """
+    nodes = len(part.order)
+    total, sums, begun = np.zeros(nodes), np.zeros((nodes, values[0].shape[1])), 0
+    for cells, rows in zip(part.solids, values, strict=True):
+        w = weight[begun : begun + len(rows)]
+        begun += len(rows)
+        corners, width = cells.nodes.ravel(), cells.nodes.shape[1]
+        total += np.bincount(corners, np.repeat(w, width), minlength=nodes)
+        for k, column in enumerate(rows.T):
+            sums[:, k] += np.bincount(corners, np.repeat(w * column, width), minlength=nodes)
+    return np.divide(sums, total[:, None], out=np.zeros_like(sums), where=total[:, None] > 0.0)
 
 
 def limits_at_rest(part: Part, factor: int) -> Floats:
@@ -57,10 +64,8 @@ def limits_at_rest(part: Part, factor: int) -> Floats:
     if part.is_springs:
         omega2, rate = frequencies(part.springs, part.spring_numbers, 1.0 / part.mass)
         return longest_step(omega2, factor * (rate + drag))
-    omega2, rate, _ = part.frequencies()
-    nodes = len(part.order)
-    mean = [average_at_nodes(part.tets, part.volume, a, nodes) for a in (omega2, rate)]
-    return longest_step(mean[0], factor * (mean[1] + drag * (mean[0] > 0.0)))
+    mean = averages(part, part.volume, [known[:, :2] for known in part.known()])
+    return longest_step(mean[:, 0], factor * (mean[:, 1] + drag * (mean[:, 0] > 0.0)))
 
 
 @ti.func
@@ -74,16 +79,15 @@ def batch_limits(block: ti.template(), state: ti.template(), scene, b):
     forces.gather(block, state.displacement, b, u)
     m = forces.material(block, b)
     for lane in range(block.lanes):
-        H = block.element.gradient(rest, u, lane)
-        grown = block.law.stiffening(H, m)
-        omega2 = grown[0] * block.modes[b, 0, lane] + grown[1] * block.modes[b, 2, lane]
-        block.stiffest[b, lane] = omega2
-        weight = block.modes[b, 3, lane]
-        row = weight * ti.Vector([1.0, omega2, grown[2] * block.modes[b, 1, lane]])
+        known = ti.Vector([block.modes[b, k, lane] for k in range(block.known)])
+        now = block.element.stiffened(block.law, rest, u, m, known, lane)
+        block.stiffest[b, lane] = now[0]
+        weight = known[3]
+        row = weight * ti.Vector([1.0, now[0], now[1]])
         for c in range(block.corners):
             k = block.places[b, c, lane]
             state.force[k] = state.force[k] + row
-        if weight > 0.0 and not (1.0 + volume_change(H, cofactor(H)) > 0.0):
+        if weight > 0.0 and not (now[2] > 0.0):
             ti.atomic_add(state.inverted[scene], 1)
 
 

@@ -28,7 +28,7 @@ eight substeps): 4 % of the run."""
 PATIENCE = 2000
 """Substeps through which a longer step must have been allowed before it is taken."""
 ASSEMBLED = 30_000
-"""Tets up to which a matrix is sooner made than a kernel compiled."""
+"""Cells up to which a matrix is sooner made than a kernel compiled."""
 ROUNDING = 1.0 - 1e-5
 """The tets' limits are computed in f32 at the least; this keeps their rounding on the safe side."""
 
@@ -41,9 +41,9 @@ class Limit:
     """[s]; inf where nothing oscillates."""
     part: Part | None
     element: int
-    """Number of the tet, or spring, in the body's own order."""
+    """Number of the cell, or spring, in the body's own order."""
     kind: str
-    """"tet", "spring" or "nothing"."""
+    """"tet", "hex", "spring" or "nothing"."""
     node: int = -1
     """Row of the body's `mesh.points` at which the tet does so."""
 
@@ -154,7 +154,7 @@ class StepLimit:
         return step, products
 
     def _operators(self, part: Part, *, at_rest: bool) -> Any:
-        if at_rest and 0 < len(part.tets) <= ASSEMBLED:
+        if at_rest and 0 < part.elements <= ASSEMBLED:
             return AtRest(part)
         if part.index not in self._elastic:
             self._elastic[part.index] = Elastic(part)
@@ -285,20 +285,25 @@ class StepLimit:
             return Limit(float(steps[worst]), part, worst, "spring")
         nodes = steps if part.is_tensor else now
         node = int(np.argmin(np.where(np.isnan(nodes), 0.0, nodes)))
-        around = np.flatnonzero((part.tets == node).any(axis=1))
+        around = np.concatenate([(c.nodes == node).any(axis=1) for c in part.solids]).nonzero()[0]
         stiffest = self._stiffest(part)[around]
         worst = around[int(np.argmax(np.where(np.isnan(stiffest), np.inf, stiffest)))]
         step = float(nodes[node]) * ROUNDING
-        return Limit(step, part, int(part.tet_order[worst]), "tet", int(part.order[node]))
+        return Limit(
+            step, part, int(part.cell_order[worst]), part.kind_of_cell(worst), int(part.order[node])
+        )
 
     def _stiffest(self, part: Part) -> NDArray[np.float64]:
-        """ω² [1/s²] of each of the body's tets in the state looked at last."""
+        """ω² [1/s²] of each of the body's cells in the state looked at last."""
         if part.is_tensor:
-            return part.frequencies()[0]
-        share = next(share for _, share in self._shares if part in share.parts)
-        out = np.empty((len(share.batches.owner), share.batches.lanes), self.system.real)
-        share.block.read_stiffest(share.row("batches"), out)
-        return out.ravel()[part.place].astype(np.float64)
+            return np.concatenate([known[:, 0] for known in part.known()])
+        found = []
+        for cells in part.solids:
+            share = next(s for _, s in self._shares if any(c is cells for _, c in s.members))
+            out = np.empty((len(share.batches.owner), share.batches.lanes), self.system.real)
+            share.block.read_stiffest(share.row("batches"), out)
+            found.append(out.ravel()[cells.place].astype(np.float64))
+        return np.concatenate(found)
 
     def culprit(self) -> str:
         """The element that sets the limit, or that is no longer finite, as words."""

@@ -20,7 +20,7 @@ from tisoft.stable.limit import StepLimit
 TURN = 20.0
 """Degrees from which a linear model's error is told."""
 SAMPLE = 96
-"""Tets of a body whose rotation is looked at."""
+"""Cells of a body, of each element, whose rotation is looked at."""
 LINEAR_ERROR = np.array(
     [[0.0, 0.0], [7.12, 0.7], [14.01, 2.8], [26.43, 10.0], [44.79, 35.0], [56.49, 66.0]]
 )
@@ -34,14 +34,16 @@ class Watch:
         self.system = system
         self.limit = limit
         self.inverted = 0
-        """Tets inside out now."""
+        """Cells inside out now."""
         self._most_inverted, self._first_inverted = 0, 0.0
         self._turns: dict[int, tuple[float, float]] = {}
         self._linear = []
         for part in system.parts:
             if isinstance(part.body.model, Linear | MassTensor):
-                every = max(1, len(part.tets) // SAMPLE)
-                self._linear.append((part, part.tets[::every], part.gradient[::every]))
+                for cells in part.solids:
+                    every = max(1, len(cells.nodes) // SAMPLE)
+                    mean = cells.gradients[::every].mean(axis=1)
+                    self._linear.append((part, cells.nodes[::every], mean))
 
     def state(self) -> dict[str, Any]:
         """What a checkpoint keeps."""
@@ -61,15 +63,15 @@ class Watch:
             self._first_inverted = self._first_inverted if self._most_inverted else time
             self._most_inverted = self.inverted
         u = self.system.u.astype(np.float64) if self._linear else None
-        for part, tets, gradient in self._linear:
+        for part, nodes, gradient in self._linear:
             assert u is not None
-            angle = self._turn(u[part.nodes][tets], gradient)
+            angle = self._turn(u[part.nodes][nodes], gradient)
             if angle > max(TURN, self._turns.get(part.index, (0.0, 0.0))[0]):
                 self._turns[part.index] = (angle, time)
 
     def _turn(self, u: NDArray[np.float64], gradient: NDArray[np.float64]) -> float:
-        """Largest rotation of the sampled tets [degrees]: tan θ = 2 |axis of F| / (tr F − 1)."""
-        H = np.einsum("tcd,tce->tde", u[:, 1:] - u[:, :1], gradient)
+        """Largest rotation of the sampled cells [degrees]: tan θ = 2 |axis of F| / (tr F − 1)."""
+        H = np.einsum("tcd,tce->tde", u, gradient)
         skew = H - H.transpose(0, 2, 1)
         axis = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1)
         trace = np.einsum("tdd->t", H)
@@ -84,7 +86,7 @@ class Watch:
             )
             remedy = "" if known else '; model = "neo-hookean" finds its way back'
             told.append(
-                f"{self._most_inverted} tets were inside out at the worst, the first at "
+                f"{self._most_inverted} elements were inside out at the worst, the first at "
                 f"t = {self._first_inverted:.4g} s, and {self.inverted} are at the end{remedy}"
             )
         for part in self.system.parts:

@@ -5,15 +5,16 @@
 
 f_ext are loads that keep their direction (`State.load`) and pressures that follow the surface:
 
-    f_i = −(p/6) Σ_faces (x_j − x_i) × (x_k − x_i)        face (i, j, k) seen from outside
+    f_i = −p Σ c (x_j − x_i) × (x_k − x_i)
 
-is the exact integral of −p n over linear triangles, N_i inside; every substep has its own.
+is the exact integral of −p N_i n over faces, c as `geometry.faces` tells (1/6 for a triangle
+(i, j, k) seen from outside); every substep has its own.
 
 | symbol    | where                       | unit |
 | --------- | --------------------------- | ---- |
 | X_j − X_i | `pressure_numbers[q, 0..2]` | m    |
 | X_k − X_i | `pressure_numbers[q, 3..5]` | m    |
-| p/6       | `pressure_numbers[q, 6]`    | Pa   |
+| p c       | `pressure_numbers[q, 6]`    | Pa   |
 | γ         | `drag`, point damping       | 1/s  |
 """
 

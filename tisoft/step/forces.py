@@ -70,8 +70,9 @@ def batch(block: ti.template(), state: ti.template(), apart: ti.template(), b):
     if block.is_viscous[block.owner[b]]:
         gather(block, state.velocity, b, v)
     out = ti.Matrix.zero(block.real, (1 + apart) * size, lanes)
-    for lane in range(lanes):
-        block.element.forces(block.law, rest, u, v, m, lane, out)
+    for q in range(block.points):
+        for lane in range(lanes):
+            block.element.forces(block.law, rest, u, v, m, q, lane, out)
     scatter(block, state.force, b, out, 0)
     if ti.static(apart):
         scatter(block, state.viscous_force, b, out, size)
@@ -117,8 +118,9 @@ def batch_energy(block: ti.template(), state: ti.template(), b):
                     u[3 * c + d, lane] -= origin[d]
     m = material(block, b)
     each = ti.Vector.zero(block.real, block.lanes)
-    for lane in range(block.lanes):
-        each[lane] = block.element.energy(block.law, rest, u, m, lane)
+    for q in range(block.points):
+        for lane in range(block.lanes):
+            each[lane] += block.element.energy(block.law, rest, u, m, q, lane)
     total = ti.cast(0.0, state.wide)
     for lane in range(block.lanes):
         total += each[lane]

@@ -1,7 +1,7 @@
 """Loads at work: what pushes the nodes in a frame, and at a moment for statics.
 
     force     F w_i, w_i = node's share of the selected faces' area at rest (equal without faces)
-    traction  t A_i, A_i = node's third of each selected face at rest [m²]
+    traction  t A_i, A_i = ∫ N_i dA over the selected faces at rest [m²]
     pressure  −p ∫ N_i n dA on the faces as they are: follows the surface, each substep anew
     torque    f_i = w_i ω × ρ_i,  ρ_i = x_i − Σ w x,  Σ w (|ρ|² − ρ ρᵀ) ω = M:  a pure couple
 
@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft.loads import Load
-from tisoft.model.network import triangle_areas
 from tisoft.model.part import Part
 from tisoft.model.state import PRESSURE_NUMBERS
 from tisoft.model.system import System
@@ -60,7 +59,7 @@ def rest_positions(parts: Sequence[Part]) -> Floats:
 def forces_of(part: Part, load: Load, x: Floats) -> Floats:
     """Forces of one load at factor 1 [N] on its body's nodes at positions x [m]."""
     if load.pressure is not None:
-        return _pressure_forces(_faces(part, load), load.pressure, x)
+        return pressure_forces(load.pressure, *pressed_rows(part, load), x)
     rows, shares, area = _shares(part, load)
     out = np.zeros_like(x)
     if load.force is not None:
@@ -96,14 +95,12 @@ def pressure_tangent(part: Part, time: float, x: Floats) -> csr_array:
     for load in part.body.loads:
         if load.pressure is None or not load.factor(time):
             continue
-        faces = _faces(part, load)
-        scale = -load.factor(time) * load.pressure / 6.0
-        # d of (x_1 − x_0) × (x_2 − x_0) by x_c is the cross product with the opposite edge.
-        edges = [x[faces[:, (c + 2) % 3]] - x[faces[:, (c + 1) % 3]] for c in range(3)]
-        for c, edge in enumerate(edges):
-            block = scale * _cross_matrices(edge)
-            for a in range(3):
-                total = total + _scattered(block, faces[:, a], faces[:, c], size)
+        rows, numbers = pressed_rows(part, load)
+        scale = (-load.factor(time) * load.pressure * numbers)[:, None, None]
+        i, j, k = rows.T
+        # d of (x_j − x_i) × (x_k − x_i) by a corner is the cross product with the opposite side.
+        for corner, side in ((i, x[k] - x[j]), (j, x[i] - x[k]), (k, x[j] - x[i])):
+            total = total + _scattered(scale * _cross_matrices(side), i, corner, size)
     return total
 
 
@@ -123,32 +120,34 @@ def _scattered(blocks: Floats, rows: Rows, columns: Rows, size: int) -> csr_arra
     return coo_array((blocks.ravel(), (i.ravel(), j.ravel())), shape=(size, size)).tocsr()
 
 
-def _faces(part: Part, load: Load) -> Rows:
-    """Loaded faces in the body's inside rows, shape (faces, 3)."""
-    body = part.body
-    faces: Rows = part.rank[body.mesh.surface[body.faces(load.where)]]
-    return faces
+def pressed_rows(part: Part, load: Load) -> tuple[Rows, Floats]:
+    """`Boundary.pressed` of a load's faces, in the body's inside rows."""
+    rows, numbers = part.body.mesh.boundary.pressed(part.body.faces(load.where))
+    return part.rank[rows], numbers
 
 
 def _shares(part: Part, load: Load) -> tuple[Rows, Floats, float]:
     """Loaded inside rows of a body, their shares (which add up to 1), and the area [m²]."""
-    faces = _faces(part, load)
+    body = part.body
+    faces = body.faces(load.where)
     if not len(faces):
-        rows = part.rank[part.body.nodes(load.where)]
+        rows = part.rank[body.nodes(load.where)]
         return rows, np.full(len(rows), 1.0 / len(rows)), 0.0
-    areas = triangle_areas(part.body.mesh.points[part.order], faces)
-    weights = np.bincount(faces.ravel(), np.repeat(areas / 3.0, 3), minlength=len(part.order))
-    rows = np.flatnonzero(weights)
-    return rows, weights[rows] / areas.sum(), float(areas.sum())
+    weights = body.mesh.boundary.area_shares(body.mesh.points, faces)[part.order]
+    area = float(weights.sum())
+    # Corners of flat quadratic faces have none, but for rounding.
+    rows = np.flatnonzero(np.abs(weights) > 1e-12 * area)
+    return rows, weights[rows] / area, area
 
 
-def _pressure_forces(faces: Rows, pressure: float, x: Floats) -> Floats:
-    a, b, c = (x[faces[:, k]] for k in range(3))
-    each = -pressure / 6.0 * np.cross(b - a, c - a)
-    out = np.zeros_like(x)
-    for k in range(3):
-        np.add.at(out, faces[:, k], each)
-    return out
+def pressure_forces(pressure: float, rows: Rows, numbers: Floats, x: Floats) -> Floats:
+    """Forces of a pressure [Pa] at points x [N], shape (nodes, 3); `rows`, `numbers` as of
+    `Boundary.pressed`.
+    """
+    i, j, k = rows.T
+    each = -pressure * numbers[:, None] * np.cross(x[j] - x[i], x[k] - x[i])
+    columns = [np.bincount(i, each[:, d], minlength=len(x)) for d in range(3)]
+    return np.stack(columns, axis=1)
 
 
 def mean_factor(load: Load, start: float, end: float) -> float:
@@ -213,12 +212,13 @@ class Loading:
     def _make_pressures(self, given: list[tuple[Part, Load]]) -> None:
         """Rows of `pressure_force`: each loaded face seen from each of its nodes."""
         s = self.system
-        faces = [_faces(part, load) + part.start for part, load in given]
-        turned = [np.concatenate([f, f[:, [1, 2, 0]], f[:, [2, 0, 1]]]) for f in faces]
-        rows = np.concatenate(turned) if turned else np.empty((0, 3), np.int64)
-        number = np.repeat(np.arange(len(given)), [len(t) for t in turned])
+        found = [pressed_rows(part, load) for part, load in given]
+        shifted = [rows + part.start for (rows, _), (part, _) in zip(found, given, strict=True)]
+        rows = np.concatenate([np.empty((0, 3), np.int64), *shifted])
+        self._weights = np.concatenate([np.empty(0), *[numbers for _, numbers in found]])
+        number = np.repeat(np.arange(len(given)), [len(own) for own in shifted])
         order = np.argsort(rows[:, 0], kind="stable")
-        rows, number = rows[order], number[order]
+        rows, number, self._weights = rows[order], number[order], self._weights[order]
         starts = np.zeros(s.count + 1, np.int32)
         np.cumsum(np.bincount(rows[:, 0], minlength=s.count), out=starts[1:])
         i, j, k = rows.T
@@ -252,7 +252,7 @@ class Loading:
             scale = np.zeros(len(self._data))
             for load, mine in self._pressed:
                 assert load.pressure is not None
-                scale[mine] = mean_factor(load, start, end) * load.pressure / 6.0
+                scale[mine] = mean_factor(load, start, end) * load.pressure * self._weights[mine]
             if not np.array_equal(scale, self._data[:, 6]):
                 self._data[:, 6] = scale
                 s.set_pressures(*self._rows, self._data)

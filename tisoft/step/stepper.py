@@ -58,7 +58,7 @@ class Stepper:
         self.system = system
         self.rules = rules
         self.integrator = INTEGRATORS[rules.integrator]
-        work = system.tets + system.springs // SPRINGS_PER_TET
+        work = system.elements + system.springs // SPRINGS_PER_TET
         pool = runtime.threads() if runtime.on_cpu() else 1
         most = max(1, min(pool, work // CELLS_PER_THREAD))
         self.pace = Pace(most if threads is None else max(1, min(threads, pool)))

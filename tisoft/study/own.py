@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft.checks import FieldError
-from tisoft.equilibrium.assembly import deformation
 from tisoft.equilibrium.operators import Elastic
 from tisoft.errors import Diverged
 from tisoft.model.part import Part
@@ -104,8 +103,8 @@ def _note(sim: Simulation, own: Own) -> None:
             own.least_stretch = min(
                 own.least_stretch, float((lengths / part.spring_numbers[:, 1]).min())
             )
-        if len(part.tets):
-            stretch, turn = extremes(deformation(part.gradient, part.tets, here))
+        for cells in part.solids:
+            stretch, turn = extremes(cells.deformation(here).reshape(-1, 3, 3))
             own.least_stretch = min(own.least_stretch, stretch)
             own.most_turn = max(own.most_turn, turn)
 

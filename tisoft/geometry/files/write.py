@@ -11,26 +11,35 @@ from numpy.typing import ArrayLike
 
 from tisoft.whole_files import written
 
+KINDS = {
+    "tets": "tetra",
+    "quadratic_tets": "tetra10",
+    "hexes": "hexahedron",
+    "triangles": "triangle",
+    "lines": "line",
+}
+"""Kinds of cells, and what meshio calls them."""
+
 
 def write_vtu(
     path: str | os.PathLike[str],
     points: ArrayLike,
     *,
-    tets: ArrayLike | None = None,
-    triangles: ArrayLike | None = None,
-    lines: ArrayLike | None = None,
     point_data: Mapping[str, ArrayLike] | None = None,
     cell_data: Mapping[str, ArrayLike] | None = None,
+    **cells: ArrayLike,
 ) -> None:
     """Writes points [m], cells and data to a VTU file (binary, compressed), whole or not at all.
 
-    An array of `point_data` has a row per node, one of `cell_data` a row per cell, in the order
-    tets, triangles, lines.  Raises SceneError where the file cannot be written.
+    `cells`: nodes of the cells, by kinds of KINDS.  An array of `point_data` has a row per node,
+    one of `cell_data` a row per cell, in the order of KINDS.  Raises SceneError where the file
+    cannot be written.
     """
     import meshio
 
-    kinds = (("tetra", tets), ("triangle", triangles), ("line", lines))
-    blocks = [(kind, np.asarray(rows)) for kind, rows in kinds if rows is not None]
+    blocks = [(kind, np.asarray(cells.pop(name))) for name, kind in KINDS.items() if name in cells]
+    if cells:
+        raise TypeError(f"write_vtu knows no {next(iter(cells))}; it writes {', '.join(KINDS)}")
     ends = np.cumsum([len(rows) for _, rows in blocks])[:-1]
     per_cell = {name: np.split(np.asarray(v), ends) for name, v in (cell_data or {}).items()}
     per_point = {name: np.asarray(v) for name, v in (point_data or {}).items()}

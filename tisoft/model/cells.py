@@ -1,0 +1,104 @@
+"""A body's cells of one element, numbered inside: what a block of fields is filled from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tisoft import elements
+from tisoft.geometry.mesh import Mesh
+from tisoft.geometry.topology import morton_order
+from tisoft.models.materials import SolidModel
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+
+@dataclass(eq=False)
+class Cells:
+    """Cells of one element; rows follow a Morton curve."""
+
+    element: Any
+    """Class of the element."""
+    nodes: Ints
+    """Nodes of each cell (counted from the body's first), shape (cells, corners)."""
+    rest: Floats
+    """Rest numbers of each cell."""
+    order: NDArray[np.int64]
+    """Number of each cell among all cells of the mesh."""
+    place: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    """Batch · lanes + lane of each cell in its block."""
+    _known: dict[tuple[str, float, float], Floats] = field(default_factory=dict)
+
+    @cached_property
+    def volume(self) -> Floats:
+        """Of each cell [m³], shape (cells,)."""
+        return np.asarray(self.element.volumes(self.rest), np.float64)
+
+    @cached_property
+    def gradients(self) -> Floats:
+        """∇N of the corners at the points [1/m], shape (cells, points, corners, 3)."""
+        return np.asarray(self.element.gradients(self.rest), np.float64)
+
+    def deformation(self, u: Floats) -> Floats:
+        """F at the points of each cell at displacements u [m] of the body's nodes, shape
+        (cells, points, 3, 3).
+        """
+        return np.eye(3) + np.einsum("eai,eqaj->eqij", u[self.nodes], self.gradients)
+
+    def masses(self, density: float) -> Floats:
+        """Lumped masses of the corners [kg], shape (cells, corners)."""
+        return np.asarray(self.element.masses(self.rest, density), np.float64)
+
+    def matrices(self, lam: float, mu: float) -> Floats:
+        """K_e at rest [N/m] of Lamé constants, shape (cells, 3 corners, 3 corners)."""
+        return np.asarray(self.element.matrices(self.rest, lam, mu), np.float64)
+
+    def known(self, model: SolidModel, *, viscous: bool, heavier: float = 1.0) -> Floats:
+        """Columns of `Block.modes`: ω² [1/s²] and damping rate 2ζω [1/s] of each cell's stiffest
+        mode at rest with its own lumped mass over `heavier`, what the law's growth adds to ω²
+        [1/(kg/m)], weight [m³], and what `stiffened` of the element asks for besides.
+        """
+        scale = heavier / model.density
+        elastic, rate = (model.lame_lambda, model.lame_mu), (model.phi, model.eta)
+        omega2 = scale * self._of("frequency", *elastic)
+        zero = np.zeros(len(omega2))
+        damping = scale * self._of("frequency", *rate) if viscous else zero
+        columns = [omega2, damping, scale * self._spread, self.volume]
+        if self.element.known > len(columns):
+            more = self._of("swinging", *elastic)
+            columns += [scale * more, scale * self._of("swinging", *rate) if viscous else 0 * more]
+        return np.column_stack(columns)
+
+    def _of(self, name: str, lam: float, mu: float) -> Floats:
+        """A function of the element that is proportional to its constants: found once for each
+        ratio.
+        """
+        unit = (lam / mu, 1.0) if mu > 0.0 else (1.0, 0.0)
+        key = name, round(unit[0], 12), unit[1]
+        if key not in self._known:
+            self._known[key] = getattr(self.element, name)(self.rest, *unit)
+        return (mu if mu > 0.0 else lam) * self._known[key]
+
+    @cached_property
+    def _spread(self) -> Floats:
+        return np.asarray(self.element.spread_square(self.rest), np.float64)
+
+
+def cells_of(mesh: Mesh, center: Floats, rank: NDArray[np.int64]) -> list[Cells]:
+    """The cells of a mesh, a list for each element it needs; `rank`: inside node of each row of
+    `mesh.points`, `center`: of the rest points [m].
+    """
+    found, begun = [], 0
+    for word, rows in mesh.cells.items():
+        order = morton_order(mesh.points[rows].mean(axis=1))
+        element, corners = elements.element(word, mesh.points, rows)
+        own = rows[order][:, corners]
+        rest = element.rest(mesh.points - center, own)
+        found.append(Cells(element, rank[own].astype(np.int32), rest, order + begun))
+        begun += len(rows)
+    return found
