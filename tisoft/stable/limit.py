@@ -24,7 +24,8 @@ DRIFT = 0.1
 """Relative change of the bound up to which the last sharp limit is trusted."""
 SPARE = 200
 """Substeps between two sharp limits, per product that the last took (a product in f64 costs up to
-eight substeps): 4 % of the run."""
+eight substeps): 4 % of the run.  The first one after that at rest waits as long, so that no frame
+of a short run waits for it."""
 PATIENCE = 2000
 """Substeps through which a longer step must have been allowed before it is taken."""
 ASSEMBLED = 30_000
@@ -61,6 +62,7 @@ class StepLimit:
         self._bound: float | None = None
         self._sharp: tuple[float, float] | None = None
         self._rest_bounds: tuple[float, float] = (np.inf, np.inf)
+        self._next_look = 0
         self.refresh()
 
     def _kernel(self) -> Any:
@@ -93,7 +95,6 @@ class StepLimit:
             self._sharp = solid, net
         self._elastic: dict[int, Elastic] = {}
         self._reference: tuple[float, float] | None = None
-        self._next_look = 0
         self._held = np.inf
         self._window_start, self._window_least = 0, np.inf
         self._bound, self._is_new = None, True
@@ -164,10 +165,12 @@ class StepLimit:
         """The sharp limits at rest of the solids and of the springs [s]."""
         if self._sharp is None:
             nets = [part for part in self.system.parts if part.is_springs]
+            solid, products = self._look(self._solids, None)
             self._sharp = (
-                max(self._rest_bounds[0], self._look(self._solids, None)[0]),
+                max(self._rest_bounds[0], solid),
                 max(self._rest_bounds[1], self._look(nets, None)[0]),
             )
+            self._next_look = SPARE * products
         return self._sharp
 
     @property
