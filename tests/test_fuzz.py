@@ -8,9 +8,9 @@ import contextlib
 import copy
 import datetime
 import io
-import os
 import json
 import math
+import os
 import re
 import resource
 import shutil

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypedDict, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tisoft import checks
 from tisoft.checks import FieldError, Vector, inside
@@ -39,8 +38,12 @@ class Body:
         model: its material's parameters.
         velocity: at t = 0 [m/s].
         spin: at t = 0 about the centre of mass [rad/s].
+        pins, loads: what holds and pushes it; `pin` and `load` add to them.
         skin: a finer surface that the mesh carries, of `tisoft.skin`: drawn and written instead of
             the mesh's own.
+
+    Raises:
+        SceneError: naming the field and its value.
     """
 
     name: str
@@ -62,8 +65,8 @@ class Body:
         where: Selection,
         axes: str = "xyz",
         *,
-        velocity: Sequence[float] | None = None,
-        path: Sequence[Sequence[float]] | None = None,
+        velocity: ArrayLike | None = None,
+        path: ArrayLike | None = None,
         turn: Turn | None = None,
         release: float | None = None,
     ) -> Pin:
@@ -120,7 +123,10 @@ class Body:
         return self.mesh.boundary.within(picked)
 
     def springs(self) -> NDArray[np.int64]:
-        """The two nodes of each spring of a MassSpring body, as rows of `mesh.points`, (n, 2)."""
+        """The two nodes of each spring of a MassSpring body, rows of `mesh.points`, shape (n, 2).
+
+        Raises SceneError for a number that no node has.
+        """
         springs = getattr(self.model, "springs", None)
         if not isinstance(springs, np.ndarray):
             return self.mesh.edges.astype(np.int64)

@@ -13,7 +13,9 @@ from tisoft.where import Selection, check_selection
 
 @dataclass(frozen=True)
 class Torque:
-    """A moment [N·m] about the axis through `point` [m] along `axis`."""
+    """A `moment` [N·m] about the axis through `point` [m] along `axis`.  Raises SceneError for an
+    axis of no length, or a value that is no number.
+    """
 
     point: Vector
     axis: Vector
@@ -36,11 +38,14 @@ class Load:
         pressure: [Pa], positive pushes inward; follows the surface.
         torque: moment on the faces.
         start, end: when the load acts [s]; end left out: for ever.
-        ramp: seconds in which it grows linearly from 0, from `start` on.
+        ramp: time in which it grows linearly from 0, from `start` on [s].
         table: instead of these, rows (t, factor), linear between rows; the first row holds before
             it, the last after it.
 
     Exactly one of force, traction, pressure and torque.
+
+    Raises:
+        SceneError: naming the field and its value.
     """
 
     where: Selection

@@ -47,7 +47,9 @@ class Motion(Present):
     # -- steps ---------------------------------------------------------------------------------
 
     def substeps_of(self, frame_time: float) -> tuple[int, float]:
-        """Number and size [s] of the substeps of the next frame."""
+        """Number and size [s] of the substeps of the next frame; raises SceneError for a step that
+        is not stable, or too small to make a frame with.
+        """
         step = self.scene.step
         if step == "auto":
             step = self.limit.chosen(self.substeps)

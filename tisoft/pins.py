@@ -18,7 +18,9 @@ Points = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Turn:
-    """Rotation about a fixed axis: through `point` [m], along `axis`, at `rate` [rad/s]."""
+    """Rotation about a fixed axis: through `point` [m], along `axis`, at `rate` [rad/s].  Raises
+    SceneError for an axis of no length, or a value that is no number.
+    """
 
     point: Vector
     axis: Vector
@@ -52,6 +54,9 @@ class Pin:
         release: when the nodes are let go [s]; left out, never.
 
     At most one of velocity, path and turn.
+
+    Raises:
+        SceneError: naming the field and its value.
     """
 
     where: Selection

@@ -175,7 +175,9 @@ class Present:
         return self.holder.is_moving or any(part.body.loads for part in self.system.parts)
 
     def acceleration(self) -> Floats:
-        """Acceleration of all nodes [m/s²] in the present state, internal order; 0 on held axes."""
+        """Acceleration of all nodes [m/s²] in the present state, shape (nodes, 3), internal order;
+        0 on held axes.
+        """
         system = self.system
         force = self.observer.forces()
         if self.loading.pressure:  # it follows the surface, so it is that of this very state
@@ -189,7 +191,7 @@ class Present:
         return a
 
     def whole_velocities(self) -> Floats:
-        """Velocities [m/s] of all nodes at the present time, internal order."""
+        """Velocities [m/s] of all nodes at the present time, shape (nodes, 3), internal order."""
         v = self.system.v.astype(np.float64)
         if self.half_step_lag:  # the scheme's velocity lives half a step earlier
             v += 0.5 * self.half_step_lag * self.acceleration()

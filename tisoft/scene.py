@@ -6,9 +6,10 @@ body's `model`, pins and loads may be replaced while it runs.  SI units througho
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
+
+from numpy.typing import ArrayLike
 
 from tisoft import checks
 from tisoft.body import Body
@@ -48,12 +49,14 @@ class Scene:
     Args:
         gravity: [m/s²].
         duration: simulated time [s].
-        frame_rate: frames per simulated second.
+        frame_rate: frames per simulated second [1/s].
         step: "auto" or the substep [s].
         integrator: "symplectic-euler", "velocity-verlet" or "explicit-euler".
         start: "plain", or "half-step" (with a step in seconds).
         precision: "f32" or "f64".
         checkpoint_every: frames; 0 for none.
+        camera, render: how pictures are taken.
+        bodies, obstacles, probes: filled by `add_body`, `add_obstacle` and `add_probe`.
 
     Raises:
         FieldError: naming the field, its value, the range and what to do.
@@ -82,10 +85,13 @@ class Scene:
         model: Model,
         name: str | None = None,
         *,
-        velocity: Sequence[float] = (0.0, 0.0, 0.0),
-        spin: Sequence[float] = (0.0, 0.0, 0.0),
+        velocity: ArrayLike = (0.0, 0.0, 0.0),
+        spin: ArrayLike = (0.0, 0.0, 0.0),
     ) -> Body:
-        """Add a body and return it; without a name it is called body0, body1, …"""
+        """Add a body that starts with `velocity` [m/s] and `spin` [rad/s], and return it; without a
+        name it is called body0, body1, …  Raises SceneError for a name that another body has, and
+        as `Body` does.
+        """
         taken = {body.name for body in self.bodies}
         unused = (f"body{i}" for i in range(len(taken), 2 * len(taken) + 1))
         start: dict[str, Any] = {"velocity": velocity, "spin": spin}  # Body makes tuples of them
@@ -107,10 +113,13 @@ class Scene:
         name: str,
         body: Body | str,
         *,
-        point: Sequence[float] | None = None,
+        point: ArrayLike | None = None,
         node: int | None = None,
     ) -> Probe:
-        """Follow the node of `body` nearest to `point` at rest [m], or its file's number `node`."""
+        """Follow the node of `body` nearest to `point` at rest [m], or its file's number `node`.
+
+        Raises SceneError for a name that another probe has, and where body or node is not there.
+        """
         place: dict[str, Any] = {"point": point, "node": node}  # Probe makes a tuple of the point
         probe = Probe(name, body.name if isinstance(body, Body) else body, **place)
         self.probed_node(probe)
@@ -129,7 +138,9 @@ class Scene:
         raise FieldError("body", f"names no body of the scene; {hint}", name)
 
     def probed_node(self, probe: Probe) -> tuple[Body, int]:
-        """The body that a probe looks at and the row of its `mesh.points` that it follows."""
+        """The body that a probe looks at and the row of its `mesh.points` that it follows; raises
+        SceneError for a node that is not there.
+        """
         body = self.body(probe.body)
         mesh = body.mesh
         if probe.point is not None:

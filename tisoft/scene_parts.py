@@ -14,7 +14,8 @@ from tisoft.checks import FieldError, Vector, keep_number, put
 @dataclass(frozen=True)
 class Probe:
     """A node to follow: of the body named `body`, the one nearest to `point` at rest [m], or number
-    `node` of the mesh file.  Exactly one of point and node.
+    `node` of the mesh file.  Exactly one of point and node; `name` is that of its column in tables.
+    Raises SceneError where both or neither is given, or a value is of the wrong kind.
     """
 
     name: str
@@ -43,6 +44,9 @@ class Camera:
         fov: vertical angle of view [degrees].
         turn: how fast it goes round the target, about up [degrees/s].
         follow: name of the body whose motion, as a whole, it shares.
+
+    Raises:
+        SceneError: naming the field and its value.
     """
 
     eye: Vector | None = None
@@ -78,6 +82,9 @@ class Render:
         ground: draw obstacle planes as a checked floor.
         alpha: a transparent background, where the file can hold one (.png, .webp, .gif).
         scale: tell how wide the floor's tiles are.
+
+    Raises:
+        SceneError: naming the field and its value.
     """
 
     size: tuple[int, int] = (1280, 720)

@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from tisoft import checkpoint, resume, runtime
 from tisoft.body import Body
 from tisoft.checks import FieldError
+from tisoft.energies import Energies
 from tisoft.equilibrium.modes import Mass, Modes, natural_modes
 from tisoft.equilibrium.reactions import reactions
 from tisoft.equilibrium.statics import Equilibrium, equilibrium
@@ -32,14 +33,14 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Frame:
-    """What an observer sees: the simulation at the end of one frame."""
+    """What an observer sees: the `simulation` at the end of its frame number `index`, from 0."""
 
     simulation: Simulation
     index: int
     time: float
     """[s]"""
     record: Floats | None = None
-    """Of a frame made together with later ones: sums and probes (`step.record`)."""
+    """Of a frame made together with later ones: shape (1 + probes, columns) [SI]."""
 
     def positions(self, body: Body | None = None) -> Floats:
         """World positions [m], shape (nodes, 3), in the mesh's node order."""
@@ -53,7 +54,7 @@ class Frame:
         """World positions of the scene's probes [m], shape (probes, 3)."""
         return self.simulation.probe_positions(self.record)
 
-    def energy(self) -> dict[str, float | None]:
+    def energy(self) -> Energies:
         """Energies [J], as `Simulation.energy`."""
         return self.simulation.energy_of(self.record)
 
@@ -114,7 +115,10 @@ class Simulation(Motion):
         return self._outside(self.whole_velocities(), body)
 
     def set_state(self, positions: Any, velocities: Any) -> None:
-        """Set all world positions [m] and velocities [m/s], shape (nodes, 3), scene's order."""
+        """Set all world positions [m] and velocities [m/s], shape (nodes, 3), scene's order.
+
+        Raises SceneError for another shape.
+        """
         shape = (self.system.count, 3)
         new = [np.asarray(a, np.float64) for a in (positions, velocities)]
         for name, values in zip(("positions", "velocities"), new, strict=True):
@@ -139,26 +143,21 @@ class Simulation(Motion):
         force = reactions(self.system, held, internal, external, self.scene.gravity)
         return self._outside(force, body)
 
-    def energy(self) -> dict[str, float | None]:
-        """Energies [J] in the present state; None for what is not measured.
-
-        "kinetic", "elastic", "gravity" (zero with every node at rest), "dissipated" (by viscosity,
-        damping and contact), "external_work" (of loads and moved pins) and "error" (the imbalance
-        of this ledger).
-        """
+    def energy(self) -> Energies:
+        """Energies [J] in the present state; None for what is not measured (see `ledger`)."""
         return self.energy_of(None)
 
-    def energy_of(self, record: Floats | None) -> dict[str, float | None]:
+    def energy_of(self, record: Floats | None) -> Energies:
         """The same of the frame with a record."""
         if record is None:
             table = self.energies()
         else:
             table = self.observer.table(record[0], self.scene.gravity)
-        if self.account is None:
-            return {**table, "dissipated": None, "external_work": None, "error": None}
-        if record is None:
-            return self.account.entries(table)
-        return self.account.entries_at(table, record[0, 8], record[0, 9])
+        entries: Any = {**table, "dissipated": None, "external_work": None, "error": None}
+        if self.account is not None:
+            now = self.account.dissipated, self.account.external_work
+            entries = self.account.entries_at(table, *(now if record is None else record[0, 8:10]))
+        return cast(Energies, entries)
 
     def probe_positions(self, record: Floats | None = None) -> Floats:
         """World positions of the scene's probes [m], shape (probes, 3), now or in a record."""

@@ -246,22 +246,22 @@ def named_set(name: str | int) -> InSet:
     return InSet(name)
 
 
-def box(lo: Sequence[float], hi: Sequence[float]) -> Box:
+def box(lo: ArrayLike, hi: ArrayLike) -> Box:
     """Nodes in the closed box between the corners lo and hi [m]."""
     return Box(_any(lo), _any(hi))
 
 
-def nodes(ids: Sequence[int]) -> Nodes:
+def nodes(ids: ArrayLike) -> Nodes:
     """Nodes by their numbers in the mesh file."""
     return Nodes(_any(ids))
 
 
-def plane(point: Sequence[float], normal: Sequence[float]) -> HalfSpace:
+def plane(point: ArrayLike, normal: ArrayLike) -> HalfSpace:
     """Nodes on the plane through `point` [m], or on the side that `normal` points away from."""
     return HalfSpace(_any(point), _any(normal))
 
 
-def nearest(point: Sequence[float]) -> Nearest:
+def nearest(point: ArrayLike) -> Nearest:
     """The node nearest to `point` [m]."""
     return Nearest(_any(point))
 

@@ -1,13 +1,13 @@
 """What the pages of the lectures share: theory beside what was computed, and a picture."""
 
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 
-def check(what: str, theory: float, computed: float, *, within: float) -> None:
+def check(what: str, theory: Any, computed: Any, *, within: float) -> None:
     """Print theory beside what was computed, and fail where they are too far apart.
 
     `within` is relative to theory; where theory is 0, it is the largest size allowed.
@@ -23,18 +23,18 @@ def begin(text: str | None) -> None:
     print(f"{'':52} {'theory':>12} {'computed':>12}")
 
 
-def axes(count: int = 1, **labels: str) -> np.ndarray:
+def axes(count: int = 1, **labels: Any) -> list[Axes]:
     """`count` diagrams side by side, with labels for the first, as xlabel="time [s]"."""
     figure = Figure(figsize=(4.0 * count if count > 1 else 6.0, 3.6), layout="constrained")
     row = figure.subplots(1, count, squeeze=False)[0]
     row[0].set(**labels)
-    return row
+    return list(row)
 
 
 def save(file: str, axis: Axes) -> None:
     """Write the picture of a page into the current folder, under the page's name."""
     path = Path(file).with_suffix(".png").name
-    figure = axis.get_figure()
-    assert figure is not None
+    figure = axis.figure
+    assert isinstance(figure, Figure)
     figure.savefig(path, dpi=90)
     print(f"\nwrote {path}")

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from tisoft import runtime
 from tisoft.checks import FieldError
+from tisoft.energies import Energies
 from tisoft.equilibrium.balance import ACCEPTED, Balance
 from tisoft.equilibrium.follow import Answer, balance_body
 from tisoft.errors import SceneError
@@ -43,11 +44,12 @@ class Equilibrium:
     """1: the whole load."""
     iterations: int
     """Linear systems solved."""
-    energy: dict[str, float | None]
-    """[J], with the keys of a run's energies."""
+    energy: Energies
+    """[J]"""
     reactions: Floats
     """Forces of the pins on the nodes they hold [N], shape (nodes, 3)."""
     warnings: list[str] = field(default_factory=list)
+    """What a user should know of it, a sentence each."""
 
 
 def scene_of(scene: Scene | HasScene) -> Scene:
@@ -104,7 +106,7 @@ def equilibrium(scene: Scene | HasScene, *, external: Any = None) -> Equilibrium
         work += float(((balance.dead - weight) * u).sum())
         follows |= bool(balance.followers)
         warnings += _warn(balance, answer)
-    energy: dict[str, float | None] = {
+    energy: Energies = {
         "kinetic": 0.0,
         "elastic": elastic,
         "gravity": gravity,

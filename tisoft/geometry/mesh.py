@@ -156,8 +156,11 @@ class SpringNet:
     sets: tuple[NodeSet, ...] = ()
     """Nodes and faces that the file calls by names or numbers."""
     warnings: tuple[str, ...] = ()
+    """As of a TetMesh."""
     notes: tuple[str, ...] = ()
+    """As of a TetMesh."""
     questions: tuple[str, ...] = ()
+    """As of a TetMesh."""
     joined: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 2), np.int64))
     """Nodes merged into others: number in the file, and row of `points`, shape (merged, 2)."""
 

@@ -135,7 +135,9 @@ class SolidModel:
 
 @dataclass(frozen=True)
 class ViscoElastic(SolidModel):
-    """St. Venant-Kirchhoff solid with viscosity, for large displacements."""
+    """St. Venant-Kirchhoff solid with viscosity (O'Brien and Hodgins 1999), for large
+    displacements.
+    """
 
     law = "viscoelastic"
     masses: ClassVar[tuple[MassKind, ...]] = ("lumped", "consistent")
@@ -143,7 +145,7 @@ class ViscoElastic(SolidModel):
 
 @dataclass(frozen=True)
 class Linear(SolidModel):
-    """Linear elasticity, for small displacements and rotations."""
+    """Linear elasticity (Hooke 1678; Lamé 1852), for small displacements and rotations."""
 
     law = "linear"
     masses: ClassVar[tuple[MassKind, ...]] = ("lumped", "consistent")
@@ -151,21 +153,25 @@ class Linear(SolidModel):
 
 @dataclass(frozen=True)
 class MassTensor(SolidModel):
-    """Linear elasticity with its stiffness stored on nodes and edges."""
+    """Linear elasticity with its stiffness stored on nodes and edges (Cotin, Delingette and Ayache
+    2000).
+    """
 
     law = "linear"
 
 
 @dataclass(frozen=True)
 class NeoHookean(SolidModel):
-    """Stable neo-Hookean solid with viscosity: finds its way back from being turned inside out."""
+    """Stable neo-Hookean solid with viscosity (Smith, de Goes and Kim 2018): finds its way back
+    from being turned inside out.
+    """
 
     law = "neo-hookean"
 
 
 @dataclass(frozen=True, eq=False)
 class MassSpring:
-    """A network of springs between point masses.
+    """A network of springs between point masses (as of cloth, Provot 1995).
 
     Args:
         young: Young's modulus [Pa] that the springs stand for, where stiffness is "from-young".

@@ -23,7 +23,7 @@ ENERGIES = ("kinetic", "elastic", "gravity", "dissipated", "external_work", "err
 
 def energies(sim: Simulation) -> dict[str, float | None]:
     """The ledger [J]; None for what is not measured."""
-    known = sim.energy()
+    known: Any = sim.energy()
     return {key: known[key] for key in ENERGIES}
 
 
@@ -115,7 +115,7 @@ class EnergyTable(Table):
         return list(ENERGIES)
 
     def row(self, frame: Frame) -> list[float | None]:
-        known = frame.energy()
+        known: Any = frame.energy()
         return [known[key] for key in ENERGIES]
 
 

@@ -8,6 +8,8 @@ from tisoft.obstacles.box import Box
 from tisoft.obstacles.plane import Plane
 from tisoft.obstacles.sphere import Sphere
 
+__all__ = ["OBSTACLES", "Box", "Obstacle", "Plane", "Sphere"]
+
 OBSTACLES = {
     "plane": Plane,
     "sphere": Sphere,

@@ -20,7 +20,9 @@ from tisoft.checks import Vector, keep_number, put
 
 @dataclass(frozen=True)
 class Box:
-    """An obstacle: a box along the axes about `center` [m], `size` [m]; `friction` is Coulomb's."""
+    """An obstacle: a box along the axes about `center` [m], `size` [m]; `friction` is Coulomb's.
+    Raises SceneError for numbers that are no box.
+    """
 
     center: Vector
     size: Vector

@@ -25,6 +25,9 @@ class Plane:
         point: on the plane [m].
         normal: of any length but 0; kept as a unit vector.
         friction: Coulomb's coefficient.
+
+    Raises:
+        SceneError: naming the field and its value.
     """
 
     point: Vector = (0.0, 0.0, 0.0)

@@ -19,7 +19,9 @@ from tisoft.checks import Vector, keep_number, put
 
 @dataclass(frozen=True)
 class Sphere:
-    """An obstacle: a ball about `center` [m] of `radius` [m]; `friction` is Coulomb's."""
+    """An obstacle: a ball about `center` [m] of `radius` [m]; `friction` is Coulomb's.
+    Raises SceneError for numbers that are no ball.
+    """
 
     center: Vector
     radius: float

@@ -47,14 +47,10 @@ class Account:
         for key in KEPT:
             setattr(self, key, float(state[key]))
 
-    def entries(self, table: dict[str, float]) -> dict[str, Any]:
-        """The whole account [J], with the present energies `table`."""
-        return self.entries_at(table, self.dissipated, self.external_work)
-
     def entries_at(
         self, table: dict[str, float], dissipated: float, external_work: float
     ) -> dict[str, Any]:
-        """The account [J] of another moment."""
+        """The account [J] of a moment with the energies `table`."""
         error = sum(table.values()) + dissipated - external_work - self.start
         return {
             **table,

@@ -19,8 +19,8 @@ from tisoft import runtime
 from tisoft.model import state as columns
 from tisoft.model.system import System
 from tisoft.step.record import make_forces, make_measure
-from tisoft.step.stepper import SymplecticEuler
 from tisoft.step.substep import Structure
+from tisoft.step.symplectic_euler import SymplecticEuler
 
 Floats = NDArray[np.float64]
 

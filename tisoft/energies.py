@@ -1,0 +1,20 @@
+"""The account of a scene's energy: T + V + G + D − W stays what it was, but for `error`."""
+
+from typing import TypedDict
+
+
+class Energies(TypedDict):
+    """Energies [J]; None for what is not measured."""
+
+    kinetic: float
+    """T"""
+    elastic: float
+    """V"""
+    gravity: float
+    """G, zero with every node at rest"""
+    dissipated: float | None
+    """D, by viscosity, damping and contact"""
+    external_work: float | None
+    """W, of loads and moved pins"""
+    error: float | None
+    """The imbalance of this account"""
