@@ -11,18 +11,18 @@ import pytest
 import tisoft as ts
 from tisoft.equilibrium.modes import Modes
 from tisoft.equilibrium.statics import Equilibrium
-from tisoft.measures.elements import SpringMeasures, TetMeasures
+from tisoft.measures.elements import CellMeasures, SpringMeasures
 from tisoft.measures.measures import Measures
 from tisoft.models.materials import MODELS
 
-RETURNED = {c.__name__: c for c in (Equilibrium, Modes, Measures, SpringMeasures, TetMeasures)}
+RETURNED = {c.__name__: c for c in (Equilibrium, Modes, Measures, CellMeasures, SpringMeasures)}
 """What methods of public names return."""
 SELECTIONS = {f"where.{name}": getattr(ts.where, name) for name in (
     "box", "everything", "named_set", "nearest", "nodes", "plane", "region",
 )}  # fmt: skip
 NAMES = {**{n: getattr(ts, n) for n in ts.__all__ if n != "where"}, **RETURNED, **SELECTIONS}
-PLAIN = {"poisson", "damping_ratio", "friction", "load_factor", "strain", "volume_ratio", "weights",
-         "up", "normal", "axis"}  # fmt: skip
+PLAIN = {"poisson", "damping_ratio", "friction", "load_factor", "strain", "volume_ratio", "least_ratio",
+         "weights", "up", "normal", "axis"}  # fmt: skip
 """Numbers without a unit."""
 
 

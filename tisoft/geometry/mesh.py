@@ -88,7 +88,7 @@ class TetMesh:
 
     @property
     def cells(self) -> dict[str, Ints]:
-        """Nodes of the cells by kind."""
+        """Nodes of the cells by kind, each of shape (cells, corners)."""
         return {"tet4": self.tets}
 
     @property
@@ -182,12 +182,12 @@ class SpringNet:
 
     @property
     def cells(self) -> dict[str, Ints]:
-        """No cells."""
+        """No cells: of every kind shape (0, corners)."""
         return {}
 
     @property
     def elements(self) -> int:
-        """No cells."""
+        """No cells: of every kind shape (0, corners)."""
         return 0
 
     @cached_property

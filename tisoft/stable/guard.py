@@ -114,7 +114,11 @@ class Guard:
 
     def state(self) -> list[float]:
         """What a checkpoint keeps."""
-        return [self._highest, float(self._from_rest), *([] if self._start is None else astuple(self._start))]
+        return [
+            self._highest,
+            float(self._from_rest),
+            *([] if self._start is None else astuple(self._start)),
+        ]
 
     def set_state(self, state: list[float]) -> None:
         """Go on from what `state` told."""

@@ -81,7 +81,9 @@ def now_of(s: ti.template(), scene, number, passes):
     kick = h
     if number == 0:
         kick = ti.cast(s.state.settings[scene, KICK], s.state.real)
-    gravity = ti.Vector([ti.cast(s.state.settings[scene, GRAVITY + d], s.state.real) for d in range(3)])
+    gravity = ti.Vector(
+        [ti.cast(s.state.settings[scene, GRAVITY + d], s.state.real) for d in range(3)]
+    )
     return s.state.Now(
         h=h,
         kick=kick,
