@@ -157,6 +157,12 @@ class Body:
                 "or mesh the body's volume"
             )
             raise FieldError("model", problem)
+        elif self.model.mass == "consistent" and not isinstance(self.mesh, TetMesh):
+            problem = (
+                "is for linear tets: the short iteration that solves M a = f converges for them "
+                'alone; take mass = "lumped" (modes --mass consistent works for all elements)'
+            )
+            raise FieldError("mass", problem, "consistent")
         self._check_regions()
         if self.skin is not None and not isinstance(self.skin, Skin):
             raise FieldError("skin", "must be a skin, as of tisoft.skin or tisoft.read_skin")

@@ -17,6 +17,7 @@ from tisoft.geometry import shapes
 from tisoft.geometry.merging import merged
 from tisoft.geometry.mesh import Mesh, TetMesh
 from tisoft.geometry.skin import Skin, read_skin
+from tisoft.geometry.solid import quadratic
 from tisoft.models.materials import MassSpring, Model
 from tisoft.scene_keys import Table, check_keys
 
@@ -134,7 +135,7 @@ def build_mesh(table: Any, field: str, folder: Path, model: Model) -> Mesh:
     Raises:
         FieldError: the key with its path, its value, and what to do.
     """
-    check_keys(table, field, (*SOURCES, *TRANSFORM, "merge"))
+    check_keys(table, field, (*SOURCES, *TRANSFORM, "merge", "element"))
     source = checks.exactly_one(field, {key: table.get(key) for key in SOURCES})
     with inside(field):
         transform = _transform(table)
@@ -155,10 +156,28 @@ def build_mesh(table: Any, field: str, folder: Path, model: Model) -> Mesh:
         if merge is not False:
             path = field
             mesh = merged(mesh, None if merge is True else merge)
+        if "element" in table:
+            path = joined(field, "element")
+            mesh = _of_element(path, table["element"], mesh)
         return mesh
     except MeshError as error:
         told = str(error).removeprefix(f"{folder / str(table[source])}: ")
         raise FieldError(path, f"is no usable mesh: {told}", table[source]) from None
+
+
+ELEMENTS = ("tet4", "tet10", "hex8")
+
+
+def _of_element(field: str, value: Any, mesh: Mesh) -> Mesh:
+    """The mesh, its linear tets made quadratic where that is wanted."""
+    wanted = checks.choice(field, value, ELEMENTS)
+    if isinstance(mesh, TetMesh) and wanted == "tet10":
+        return quadratic(mesh)
+    if wanted in mesh.cells:
+        return mesh
+    has = ", ".join(mesh.cells) or "springs alone"
+    remedy = 'split = "hex" makes hexes of a box' if wanted == "hex8" else "leave the key out"
+    raise FieldError(field, f"cannot be had: the mesh has {has}; {remedy}", value)
 
 
 def _scale(table: Table) -> float:

@@ -1,13 +1,20 @@
-"""Every element with every law: its forces are minus the gradient of its energy, see no rigid
-motion, add up to nothing, and leave no mode without stiffness but the six of a rigid body.
+"""Every element: its forces are minus the gradient of its energy, see no rigid motion, add up to
+nothing, and leave no mode without stiffness but the six of a rigid body; a linear field costs what
+the law says; beams bend, swing and twist as tabulated.
+
+Beams of 1 x 0.2 x 0.2 m, E = 1e6 Pa, 1000 kg/m³, clamped at x = 0 (references: quadratic hexahedra,
+converged): a shear of 1 N at the end does 2.544 mJ of work (ν = .49: 2.497), f1 = .9995 Hz, a turn
+of its end takes 87.077 N·m.
 """
 
 import numpy as np
 import pytest
 
 import tisoft as ts
+from tisoft.equilibrium.modes import natural_modes
 from tisoft.equilibrium.operators import Elastic
-from tisoft.geometry.solid import SolidMesh
+from tisoft.geometry.shapes import box
+from tisoft.geometry.solid import SolidMesh, quadratic
 from tisoft.model.part import parts_of
 
 LAWS = {"viscoelastic": ts.ViscoElastic, "linear": ts.Linear, "neo-hookean": ts.NeoHookean}
@@ -26,7 +33,17 @@ def skewed():
     return hexes(CORNERS * [0.3, 0.2, 0.25] + 0.03 * np.random.default_rng(3).normal(size=(8, 3)))
 
 
-MESHES = {"brick": brick, "hex8": skewed}
+def tet10(bend=0.0):
+    tet = ts.tet_mesh(
+        [[0, 0, 0], [0.3, 0, 0.02], [0.05, 0.25, 0], [0.02, 0.04, 0.28]], [[0, 1, 2, 3]]
+    )
+    mesh = quadratic(tet)
+    points = mesh.points.copy()
+    points[4:] += bend * np.random.default_rng(4).normal(size=(6, 3))
+    return SolidMesh(points, mesh.kept_nodes, quadratic_tets=mesh.quadratic_tets)
+
+
+MESHES = {"brick": brick, "hex8": skewed, "tet10": tet10, "curved": lambda: tet10(0.01)}
 
 
 def elastic_of(mesh, law, **more):
@@ -38,6 +55,7 @@ def elastic_of(mesh, law, **more):
 
 
 CASES = [("brick", law) for law in LAWS] + [("hex8", "viscoelastic")]
+CASES += [("tet10", "viscoelastic"), ("curved", "neo-hookean")]
 
 
 @pytest.fixture(params=CASES, ids="-".join, scope="module")
@@ -107,3 +125,82 @@ def test_only_rigid_motions_have_no_stiffness(case):
     values = np.linalg.eigvalsh(elastic.stiffness(np.zeros_like(u)).toarray())
     assert (np.abs(values[:6]) < 1e-10 * values[-1]).all()
     assert values[6] > 1e-4 * values[-1]
+
+
+@pytest.mark.parametrize("kind", ["hex8", "tet10"])
+def test_a_linear_field_is_met_on_any_mesh(kind):
+    rng = np.random.default_rng(5)
+    mesh = box((3, 3, 3), (3, 3, 3), split="hex" if kind == "hex8" else "five")
+    inner = ((mesh.points > 0) & (mesh.points < 3)).all(axis=1)
+    points = mesh.points + np.where(inner[:, None], rng.uniform(-0.2, 0.2, mesh.points.shape), 0)
+    if kind == "hex8":
+        mesh = SolidMesh(points, mesh.kept_nodes, hexes=mesh.hexes)
+    else:
+        mesh = quadratic(ts.tet_mesh(points, mesh.tets))
+    elastic = elastic_of(mesh, "viscoelastic")
+    (part,) = parts_of([elastic.part.body])
+    inside = ((mesh.points > 0) & (mesh.points < 3)).all(axis=1)[part.order]
+    u = elastic.rest @ (0.1 * rng.normal(size=(3, 3)))
+    f = elastic.force(u)
+    assert np.abs(f[inside]).max() < 1e-12 * np.abs(f).max()
+
+
+def beam(mesh, poisson=0.3, gravity=0.0):
+    scene = ts.Scene(gravity=(0, 0, -gravity))
+    body = scene.add_body(mesh, ts.ViscoElastic(young=1e6, poisson=poisson, density=1000.0))
+    body.pin(ts.where.box((-1e-6, -1, -1), (1e-6, 1, 1)))
+    return scene, body
+
+
+END = ts.where.box((1 - 1e-6, -1, -1), (1 + 1e-6, 1, 1))
+
+
+def compliance_error(mesh, poisson, reference):
+    """[%], at a load so small that the beam is linear."""
+    scene, body = beam(mesh, poisson)
+    body.load(END, force=(0, 0, -1e-3))
+    energy = ts.Simulation(scene).equilibrium().energy["elastic"]
+    return 100 * (2e6 * energy / reference - 1)
+
+
+def torsion_error(mesh):
+    scene, body = beam(mesh)
+    turn_of_end = ts.Turn(point=(1, 0.1, 0.1), axis=(1, 0, 0), rate=1e-4)
+    scene.duration = 1.0
+    body.pin(END, turn=turn_of_end)
+    energy = ts.Simulation(scene).equilibrium().energy["elastic"]
+    return 100 * (2e8 * energy / 87.077 - 1)
+
+
+@pytest.mark.parametrize(
+    ("cells", "bending", "locked", "f1", "droop"),
+    [
+        ((5, 1, 1), -1.6, -1.8, -2.0, -2.05),
+        ((10, 2, 2), -1.6, -5.1, 0.3, -1.94),
+        ((20, 4, 4), -0.7, -2.4, 0.2, -0.83),
+    ],
+)
+def test_beams_of_hexes(cells, bending, locked, f1, droop):
+    mesh = box((1, 0.2, 0.2), cells, split="hex")
+    assert compliance_error(mesh, 0.3, 2.544e-3) == pytest.approx(bending, abs=0.1)
+    assert compliance_error(mesh, 0.49, 2.497e-3) == pytest.approx(locked, abs=0.2)
+    scene, _ = beam(mesh, gravity=9.81)
+    found = natural_modes(scene, 1).frequencies[0]
+    assert 100 * (found / 0.9995 - 1) == pytest.approx(f1, abs=0.1)
+    end = np.isclose(mesh.points[:, 0], 1.0)
+    moved = (ts.Simulation(scene).equilibrium().positions - mesh.points)[end, 2].mean()
+    assert 100 * (moved / -0.3457 - 1) == pytest.approx(droop, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("cells", "bending", "locked", "f1", "torsion"),
+    [((5, 1, 1), -3.4, -17.3, 1.2, 16.4), ((10, 2, 2), -0.9, -5.2, 0.4, None)],
+)
+def test_beams_of_quadratic_tets(cells, bending, locked, f1, torsion):
+    mesh = quadratic(box((1, 0.2, 0.2), cells))
+    assert compliance_error(mesh, 0.3, 2.544e-3) == pytest.approx(bending, abs=0.1)
+    assert compliance_error(mesh, 0.49, 2.497e-3) == pytest.approx(locked, abs=0.2)
+    if torsion is not None:
+        assert torsion_error(mesh) == pytest.approx(torsion, abs=0.1)
+    found = natural_modes(beam(mesh)[0], 1).frequencies[0]
+    assert 100 * (found / 0.9995 - 1) == pytest.approx(f1, abs=0.1)

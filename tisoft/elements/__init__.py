@@ -19,7 +19,7 @@ def element(
     """The element's class, and the order in which it takes the corners of a cell.
 
     Args:
-        word: of the kind of cells: "tet4", "hex8".
+        word: of the kind of cells: "tet4", "tet10", "hex8".
         points: rest positions [m], shape (nodes, 3).
         cells: nodes of the cells, shape (cells, corners).
     """
@@ -27,6 +27,10 @@ def element(
         from tisoft.elements import hex8
 
         return hex8.element_of(points, cells[:, LATTICE]), LATTICE
+    if word == "tet10":
+        from tisoft.elements import tet10
+
+        return tet10.element_of(points, cells), np.arange(10)
     from tisoft.elements.tet4 import Tet4
 
     return Tet4, np.arange(4)

@@ -280,6 +280,15 @@ class Hexahedron:
         return np.repeat(density / 8.0 * rest[:, 3:4], 8, axis=1)
 
     @classmethod
+    def products(cls, rest: Floats) -> Floats:
+        """∫ N_a N_b dV [m³], shape (cells, 8, 8); of cells that are no parallelepipeds as if their
+        Jacobian were the same everywhere.
+        """
+        corner = SIGNS[[1, 2, 4]].T
+        shares = (1.0 + corner[:, None] * corner[None] / 3.0).prod(axis=2) / 64.0
+        return cls.volumes(rest)[:, None, None] * shares
+
+    @classmethod
     def gradients(cls, rest: Floats) -> Floats:
         """∇N of the corners at the point [1/m], shape (cells, 1, 8, 3)."""
         beta = cls.means(rest)

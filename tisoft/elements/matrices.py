@@ -52,3 +52,24 @@ def each(rest: Floats, function: Callable[[Floats], Floats]) -> Floats:
     )
     found = [function(rest[first[k : k + AT_ONCE]]) for k in range(0, len(first), AT_ONCE)]
     return np.concatenate(found)[index.reshape(-1)]
+
+
+def stiffest(g: Floats, lam: float, mu: float) -> Floats:
+    """λ_max of Bᵀ C B [Pa/m²] for Lamé constants lam, mu, shape (cells,), as that of the 6×6 matrix
+    √C (B Bᵀ) √C; g: ∇N_a at one point of each cell [1/m], shape (cells, corners, 3).
+    """
+    gram = np.einsum("eai,eaj->eij", g, g)
+    # B Bᵀ in Voigt order xx yy zz yz zx xy with engineering shears.
+    size = np.zeros((len(g), 6, 6))
+    pairs = [(0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)]
+    for p, (i, j) in enumerate(pairs):
+        for q, (k, m) in enumerate(pairs):
+            total = (i == k) * gram[:, j, m] + (j == m) * gram[:, i, k]
+            total = total + (i == m) * gram[:, j, k] + (j == k) * gram[:, i, m]
+            size[:, p, q] = total / ((1 + (i == j)) * (1 + (k == m)))
+    law = np.diag([2.0 * mu] * 3 + [mu] * 3)
+    law[:3, :3] += lam
+    values, vectors = np.linalg.eigh(law)
+    root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+    top: Floats = np.linalg.eigvalsh(root @ size @ root)[:, -1]
+    return top

@@ -14,15 +14,14 @@ With P = F S these are O'Brien and Hodgins's nodal forces (their eq. 24, of σ =
 | m_a    | ρV/4 (`masses`)             | kg   |
 
 Its stiffest mode bounds that of any mesh it stands in (Rayleigh quotients: a sum of quotients never
-exceeds the largest).  With the strain operator B, λ_max(V Bᵀ C B) = λ_max(V √C (B Bᵀ) √C), a 6×6
-problem instead of a 12×12 one.
+exceeds the largest).
 """
 
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from tisoft.elements.matrices import hooke_blocks, top
+from tisoft.elements.matrices import hooke_blocks, stiffest, top
 from tisoft.laws.base import cofactor, volume_change
 
 Floats = NDArray[np.float64]
@@ -156,7 +155,7 @@ class Tet4:
     @staticmethod
     def frequency(rest: Floats, lam: float, mu: float) -> Floats:
         """ω² [1/s²] of the stiffest mode of each cell with density 1 and lumped mass."""
-        return 4.0 * stiffest(rest[:, :9].reshape(-1, 3, 3), lam, mu)
+        return 4.0 * stiffest(Tet4.gradients(rest)[:, 0], lam, mu)
 
     @staticmethod
     def spread_square(rest: Floats) -> Floats:
@@ -180,23 +179,3 @@ def gradients(points: Floats, cells: NDArray[np.integer]) -> tuple[Floats, Float
 def corner_gradients(gradient: Floats) -> Floats:
     """∇N_0..3 [1/m], shape (cells, 4, 3), from ∇N_1..3."""
     return np.concatenate([-gradient.sum(axis=1, keepdims=True), gradient], axis=1)
-
-
-def stiffest(gradient: Floats, lam: float, mu: float) -> Floats:
-    """λ_max of Bᵀ C B per unit volume [Pa/m²] for Lamé constants lam, mu, shape (cells,)."""
-    g = corner_gradients(gradient)
-    gram = np.einsum("eai,eaj->eij", g, g)
-    # B Bᵀ in Voigt order xx yy zz yz zx xy with engineering shears.
-    size = np.zeros((len(g), 6, 6))
-    pairs = [(0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)]
-    for p, (i, j) in enumerate(pairs):
-        for q, (k, m) in enumerate(pairs):
-            total = (i == k) * gram[:, j, m] + (j == m) * gram[:, i, k]
-            total = total + (i == m) * gram[:, j, k] + (j == k) * gram[:, i, m]
-            size[:, p, q] = total / ((1 + (i == j)) * (1 + (k == m)))
-    law = np.diag([2.0 * mu] * 3 + [mu] * 3)
-    law[:3, :3] += lam
-    values, vectors = np.linalg.eigh(law)
-    root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
-    top: Floats = np.linalg.eigvalsh(root @ size @ root)[:, -1]
-    return top

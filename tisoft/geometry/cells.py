@@ -178,8 +178,7 @@ def hex_jacobians(X: Floats, at: Floats) -> tuple[Floats, Floats]:
 HEX_POINTS = SIGNS[[1, 2, 4]].T / np.sqrt(3.0)
 """The 2 x 2 x 2 points of Gauss; all weights are 1."""
 
-_NEAR, _FAR = 0.1381966011250105, 0.5854101966249685
-TET_POINTS = np.full((4, 4), _NEAR) + (_FAR - _NEAR) * np.eye(4)
+TET_POINTS = (5.0 - np.sqrt(5.0)) / 20.0 + np.sqrt(0.2) * np.eye(4)
 """Volume coordinates of the four points of a quadratic tet; all weights are a quarter."""
 
 

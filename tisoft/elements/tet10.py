@@ -1,0 +1,394 @@
+# mypy: ignore-errors
+"""Quadratic tet: 10 nodes, its strain taken at 4 points; it bends and keeps its volume with ease
+(Zienkiewicz and Taylor, The Finite Element Method, vol. 1; lumped mass after Hinton, Rock and
+Zienkiewicz 1976).
+
+    N_a = L_a (2 L_a − 1) at corners,  N_ab = 4 L_a L_b at edges,  L volume coordinates
+    H_q = Σ_b (d_b − d_0) ⊗ g_b,  d_b = Σ_a u_a ∂N_a/∂L_b at point q,  b = 1..3,  F_q = I + H_q
+    W = Σ_q V_q Ψ(H_q),   f_a = −Σ_q V_q P_q ∇N_a
+    points: L_q = (5 + 3√5)/20, the others (5 − √5)/20;   mass: ρV/32 at corners, 7ρV/48 at edges
+
+A mass that adds up the rows of the consistent one would be negative at the corners; 1/32 gives a
+corner a quarter of the tet that its edges' middles cut off, and about the longest step.
+
+`Tet10` has straight edges with their nodes in the middle: g_b = ∇L_b and V_q = V/4 are the same at
+all points.  `CurvedTet10` has its own at each.
+
+| symbol | name                          | unit |
+| ------ | ----------------------------- | ---- |
+| g_1..3 | `rest[0..8]` of each point, row by row | 1/m |
+| V_q    | `rest[9]` of each point       | m³   |
+"""
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+from tisoft.elements.matrices import each, hooke_blocks, stiffest, top
+from tisoft.geometry.cells import (
+    QUADRATIC_EDGES,
+    TET_POINTS,
+    tet10_jacobians,
+    tet10_slopes,
+)
+from tisoft.laws.base import cofactor, contracted, volume_change
+
+Floats = NDArray[np.float64]
+
+EDGES = tuple((int(a), int(b)) for a, b in QUADRATIC_EDGES)
+SHARES = np.array([1.0 / 32.0] * 4 + [7.0 / 48.0] * 6)
+"""Of the mass, by node."""
+STRAIGHT = 1e-10
+"""Share of an edge's length by which its node may lie off its middle."""
+
+
+@ti.func
+def coordinates(rest: ti.template(), q, lane):
+    """L of point q."""
+    z = 0.0 * rest[0, lane]
+    root = ti.sqrt(z + 5.0)  # a literal has the digits of f32 alone
+    near, far = (5.0 - root) / 20.0, (5.0 + 3.0 * root) / 20.0
+    return ti.Vector([ti.select(q == a, far, near) for a in range(4)])
+
+
+@ti.func
+def gradient_at(kind: ti.template(), rest: ti.template(), u: ti.template(), q, lane):
+    """H at point q of nodal columns u."""
+    L = coordinates(rest, q, lane)
+    z = 0.0 * rest[0, lane]
+    H = ti.Matrix([[z, z, z], [z, z, z], [z, z, z]])
+    for r in range(3):
+        d = ti.Vector([z, z, z, z])
+        for a in ti.static(range(4)):
+            d[a] = (4.0 * L[a] - 1.0) * u[3 * a + r, lane]
+        for k in ti.static(range(6)):
+            a, b = ti.static(EDGES[k])
+            x = 4.0 * u[12 + 3 * k + r, lane]
+            d[a] += L[b] * x
+            d[b] += L[a] * x
+        for b in range(3):
+            for j in range(3):
+                H[r, j] += (d[b + 1] - d[0]) * rest[kind.stride * q + 3 * b + j, lane]
+    return H
+
+
+@ti.func
+def spread(
+    kind: ti.template(), rest: ti.template(), P, q, first: ti.template(), lane, out: ti.template()
+):  # fmt: skip
+    """Add P ∇N_a of each node to rows of `out` from `first` on."""
+    L = coordinates(rest, q, lane)
+    z = 0.0 * P[0, 0]
+    for r in range(3):
+        h = ti.Vector([z, z, z, z])
+        for b in range(3):
+            f = z
+            for j in range(3):
+                f += P[r, j] * rest[kind.stride * q + 3 * b + j, lane]
+            h[b + 1] = f
+            h[0] -= f
+        for a in ti.static(range(4)):
+            out[first + 3 * a + r, lane] += (4.0 * L[a] - 1.0) * h[a]
+        for k in ti.static(range(6)):
+            a, b = ti.static(EDGES[k])
+            out[first + 12 + 3 * k + r, lane] += 4.0 * (L[b] * h[a] + L[a] * h[b])
+
+
+@ti.func
+def tet10_forces(
+    kind: ti.template(), law: ti.template(), rest: ti.template(), u: ti.template(),
+    v: ti.template(), m, at, out: ti.template(),
+):  # fmt: skip
+    """Add the nodal forces [N] of a point; rows 30..59 of `out`, where it has them, get the viscous
+    share; at: point and lane.
+    """
+    q, lane = at[0], at[1]
+    H, D = gradient_at(kind, rest, u, q, lane), gradient_at(kind, rest, v, q, lane)
+    k = ti.static(m.n - 2)
+    V = rest[kind.stride * q + 9, lane]
+    Pv = law.viscosity.stress(H, D, m[k], m[k + 1])
+    P = law.stress(H, m) + Pv
+    if ti.static(out.n > 30):
+        spread(kind, rest, -V * Pv, q, 30, lane, out)
+    spread(kind, rest, -V * P, q, 0, lane, out)
+
+
+@ti.func
+def tet10_product(
+    kind: ti.template(), law: ti.template(), rest: ti.template(), u: ti.template(),
+    w: ti.template(), m, at, out: ti.template(),
+):  # fmt: skip
+    """Add K(u) w [N] of a point."""
+    q, lane = at[0], at[1]
+    H, G = gradient_at(kind, rest, u, q, lane), gradient_at(kind, rest, w, q, lane)
+    P = rest[kind.stride * q + 9, lane] * law.tangent(H, G, m)
+    spread(kind, rest, P, q, 0, lane, out)
+
+
+@ti.func
+def tet10_stiffened(
+    kind: ti.template(), law: ti.template(), rest: ti.template(), u: ti.template(), m, known, lane
+):
+    """Bounds of ω² [1/s²] and of the damping rate [1/s] as deformed, and the least J.
+
+    With the first point's F for all, u′ = Fᵀu sees the stiffness at rest; what the others' F
+    differ by, δ, adds to the square root: ω ≤ √a ω₀ + δ ω_Σ, ω_Σ² the sum of the points' own.
+    """
+    H = gradient_at(kind, rest, u, 0, lane)
+    grown = law.stiffening(H, m)
+    least = 1.0 + volume_change(H, cofactor(H))
+    away = 0.0 * least
+    for q in range(1, 4):
+        other = gradient_at(kind, rest, u, q, lane)
+        more = law.stiffening(other, m)
+        for k in ti.static(range(3)):
+            grown[k] = ti.max(grown[k], more[k])
+        least = ti.min(least, 1.0 + volume_change(other, cofactor(other)))
+        away = ti.max(away, contracted(other - H, other - H))
+    omega2, rate = grown[0] * known[0], grown[2] * known[1]
+    if ti.static(law.is_finite):
+        away = ti.sqrt(away)
+        turned = ti.sqrt(omega2) + away * ti.sqrt(known[4])
+        omega2 = turned * turned
+        turned = ti.sqrt(rate) + away * ti.sqrt(known[5])
+        rate = turned * turned
+    return ti.Vector([omega2 + grown[1] * known[2], rate, least])
+
+
+class Quadratic:
+    """What both kinds share."""
+
+    word = "tet"
+    """What a cell is called in sentences."""
+    corners = 10
+    points = 4
+    known = 6
+    """Columns of `Block.modes`: ω², damping rate, what growth adds, weight; ω_Σ² and its rate."""
+    constants = 0
+    is_relative = False
+
+    @staticmethod
+    def of_material(lam: float, mu: float) -> tuple[float, ...]:
+        """It needs no constants of its own."""
+        return ()
+
+    @classmethod
+    def volumes(cls, rest: Floats) -> Floats:
+        """V [m³], shape (cells,)."""
+        return cls.at_points(rest)[1].sum(axis=1)
+
+    @classmethod
+    def gradients(cls, rest: Floats) -> Floats:
+        """∇N of the nodes at the points [1/m], shape (cells, 4, 10, 3)."""
+        return np.einsum("qab,eqbj->eqaj", tet10_slopes(TET_POINTS), cls.at_points(rest)[0])
+
+    @classmethod
+    def masses(cls, rest: Floats, density: float) -> Floats:
+        """Lumped masses of the nodes [kg], shape (cells, 10)."""
+        return density * np.outer(cls.volumes(rest), SHARES)
+
+    @classmethod
+    def products(cls, rest: Floats) -> Floats:
+        """∫ N_a N_b dV [m³], shape (cells, 10, 10); of curved cells as if their Jacobian were the
+        same everywhere.
+        """
+        return cls.volumes(rest)[:, None, None] * PRODUCTS
+
+    @classmethod
+    def matrices(cls, rest: Floats, lam: float, mu: float) -> Floats:
+        """K_e at rest [N/m], shape (cells, 30, 30), of Lamé constants."""
+        return hooke_blocks(cls.gradients(rest), cls.at_points(rest)[1], lam, mu)
+
+    @classmethod
+    def light(cls, rest: Floats) -> tuple[Floats, Floats]:
+        """Gradients over the root of each node's share of the mass, and the points' shares of V."""
+        volumes = cls.at_points(rest)[1]
+        shares = volumes / volumes.sum(axis=1, keepdims=True)
+        return cls.gradients(rest) / np.sqrt(SHARES)[:, None], shares
+
+    @classmethod
+    def frequency(cls, rest: Floats, lam: float, mu: float) -> Floats:
+        """ω² [1/s²] of the stiffest mode of each cell with density 1 and lumped mass."""
+        return each(rest, lambda r: top(hooke_blocks(*cls.light(r), lam, mu)))
+
+    @classmethod
+    def spread_square(cls, rest: Floats) -> Floats:
+        """λ_max of Σ_q V_q/V ∇N_a·∇N_b over the roots of the nodes' shares [1/m²]."""
+        return each(rest, cls._spread)
+
+    @classmethod
+    def _spread(cls, rest: Floats) -> Floats:
+        g, shares = cls.light(rest)
+        return top(np.einsum("eq,eqai,eqbi->eab", shares, g, g, optimize=True))
+
+    @classmethod
+    def swinging(cls, rest: Floats, lam: float, mu: float) -> Floats:
+        """ω_Σ² of density 1, shape (cells, 1)."""
+        g, shares = cls.light(rest)
+        alone = stiffest(g.reshape(-1, 10, 3), lam, mu).reshape(shares.shape)
+        return (shares * alone).sum(axis=1)[:, None]
+
+
+class Tet10(Quadratic):
+    """With straight edges."""
+
+    numbers = 10
+    stride = 0
+    """Rest numbers from one point to the next."""
+
+    @staticmethod
+    def rest(points: Floats, cells: NDArray[np.integer]) -> Floats:
+        """`rest` of each cell, shape (cells, 10), from rest points [m]."""
+        return per_point(points[cells])[:, 0]
+
+    @staticmethod
+    def at_points(rest: Floats) -> tuple[Floats, Floats]:
+        """g_1..3 [1/m], shape (cells, 4, 3, 3), and V_q [m³], shape (cells, 4)."""
+        count = len(rest)
+        g = np.broadcast_to(rest[:, None, :9].reshape(count, 1, 3, 3), (count, 4, 3, 3))
+        return g, np.repeat(rest[:, 9:10], 4, axis=1)
+
+    @staticmethod
+    @ti.func
+    def gradient(rest: ti.template(), u: ti.template(), q, lane):
+        """H at point q."""
+        return gradient_at(Tet10, rest, u, q, lane)
+
+    @staticmethod
+    @ti.func
+    def weight(rest: ti.template(), q, lane):
+        """Share of the volume that point q stands for."""
+        total = 0.0 * rest[9, lane]
+        for k in range(4):
+            total += rest[Tet10.stride * k + 9, lane]
+        return rest[Tet10.stride * q + 9, lane] / ti.max(total, 1e-30)
+
+    @staticmethod
+    @ti.func
+    def forces(
+        law: ti.template(), rest: ti.template(), u: ti.template(), v: ti.template(), m, q, lane,
+        out: ti.template(),
+    ):  # fmt: skip
+        """Add the nodal forces of point q [N], see `tet10_forces`."""
+        tet10_forces(Tet10, law, rest, u, v, m, (q, lane), out)
+
+    @staticmethod
+    @ti.func
+    def energy(law: ti.template(), rest: ti.template(), u: ti.template(), m, q, lane):
+        """V_q Ψ [J]."""
+        return rest[Tet10.stride * q + 9, lane] * law.energy(
+            gradient_at(Tet10, rest, u, q, lane), m
+        )
+
+    @staticmethod
+    @ti.func
+    def product(
+        law: ti.template(), rest: ti.template(), u: ti.template(), w: ti.template(), m, q, lane,
+        out: ti.template(),
+    ):  # fmt: skip
+        """Add K(u) w of point q [N]."""
+        tet10_product(Tet10, law, rest, u, w, m, (q, lane), out)
+
+    @staticmethod
+    @ti.func
+    def stiffened(law: ti.template(), rest: ti.template(), u: ti.template(), m, known, lane):
+        """Bounds of ω² [1/s²] and of the damping rate [1/s] as deformed, and the least J."""
+        return tet10_stiffened(Tet10, law, rest, u, m, known, lane)
+
+
+class CurvedTet10(Quadratic):
+    """With edges of any shape."""
+
+    numbers = 40
+    stride = 10
+
+    @staticmethod
+    def rest(points: Floats, cells: NDArray[np.integer]) -> Floats:
+        """`rest` of each cell, shape (cells, 40), from rest points [m]."""
+        return per_point(points[cells]).reshape(len(cells), -1)
+
+    @staticmethod
+    def at_points(rest: Floats) -> tuple[Floats, Floats]:
+        """g_1..3 [1/m], shape (cells, 4, 3, 3), and V_q [m³], shape (cells, 4)."""
+        rows = rest.reshape(-1, 4, 10)
+        return rows[..., :9].reshape(-1, 4, 3, 3), rows[..., 9]
+
+    @staticmethod
+    @ti.func
+    def gradient(rest: ti.template(), u: ti.template(), q, lane):
+        """H at point q."""
+        return gradient_at(CurvedTet10, rest, u, q, lane)
+
+    @staticmethod
+    @ti.func
+    def weight(rest: ti.template(), q, lane):
+        """Share of the volume that point q stands for."""
+        total = 0.0 * rest[9, lane]
+        for k in range(4):
+            total += rest[CurvedTet10.stride * k + 9, lane]
+        return rest[CurvedTet10.stride * q + 9, lane] / ti.max(total, 1e-30)
+
+    @staticmethod
+    @ti.func
+    def forces(
+        law: ti.template(), rest: ti.template(), u: ti.template(), v: ti.template(), m, q, lane,
+        out: ti.template(),
+    ):  # fmt: skip
+        """Add the nodal forces of point q [N], see `tet10_forces`."""
+        tet10_forces(CurvedTet10, law, rest, u, v, m, (q, lane), out)
+
+    @staticmethod
+    @ti.func
+    def energy(law: ti.template(), rest: ti.template(), u: ti.template(), m, q, lane):
+        """V_q Ψ [J]."""
+        return rest[CurvedTet10.stride * q + 9, lane] * law.energy(
+            gradient_at(CurvedTet10, rest, u, q, lane), m
+        )
+
+    @staticmethod
+    @ti.func
+    def product(
+        law: ti.template(), rest: ti.template(), u: ti.template(), w: ti.template(), m, q, lane,
+        out: ti.template(),
+    ):  # fmt: skip
+        """Add K(u) w of point q [N]."""
+        tet10_product(CurvedTet10, law, rest, u, w, m, (q, lane), out)
+
+    @staticmethod
+    @ti.func
+    def stiffened(law: ti.template(), rest: ti.template(), u: ti.template(), m, known, lane):
+        """Bounds of ω² [1/s²] and of the damping rate [1/s] as deformed, and the least J."""
+        return tet10_stiffened(CurvedTet10, law, rest, u, m, known, lane)
+
+
+def per_point(X: Floats) -> Floats:
+    """g_1..3 and V_q of each point, shape (cells, 4, 10), of nodes X [m]."""
+    J = tet10_jacobians(X)
+    rows = [np.linalg.inv(J).reshape(len(X), 4, 9), np.linalg.det(J)[..., None] / 24.0]
+    return np.concatenate(rows, axis=2)
+
+
+def shape_products() -> Floats:
+    """∫ N_a N_b dV / V over a tet with straight edges, shape (10, 10), by Gauss points collapsed
+    from a cube.
+    """
+    x, w = np.polynomial.legendre.leggauss(4)
+    a, b, c = np.meshgrid(0.5 * (x + 1.0), 0.5 * (x + 1.0), 0.5 * (x + 1.0), indexing="ij")
+    weight = np.einsum("i,j,k->ijk", w, w, w) / 8.0 * (1.0 - a) ** 2 * (1.0 - b) * 6.0
+    second, third = b * (1.0 - a), c * (1.0 - a) * (1.0 - b)
+    L = np.stack([a, second, third, 1.0 - a - second - third], axis=-1).reshape(-1, 4)
+    i, j = QUADRATIC_EDGES.T
+    N = np.hstack([L * (2.0 * L - 1.0), 4.0 * L[:, i] * L[:, j]])
+    return np.einsum("q,qa,qb->ab", weight.ravel(), N, N)
+
+
+PRODUCTS = shape_products()
+
+
+def element_of(points: Floats, cells: NDArray[np.integer]) -> type[Quadratic]:
+    """`Tet10` where all edges are straight with their nodes in the middle, else `CurvedTet10`."""
+    X = points[cells]
+    a, b = X[:, QUADRATIC_EDGES[:, 0]], X[:, QUADRATIC_EDGES[:, 1]]
+    off = np.linalg.norm(X[:, 4:] - 0.5 * (a + b), axis=2)
+    straight = (off <= STRAIGHT * np.linalg.norm(b - a, axis=2)).all()
+    return Tet10 if straight else CurvedTet10
