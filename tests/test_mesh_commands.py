@@ -208,7 +208,6 @@ def test_unknown_regions_and_sets_are_told_with_those_that_there_are(tmp_path):
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
-        ('name = "stiff"\nyoung = 1e6', "body[0].region[0] cannot be used: regions of their own"),
         ("tag = 2\nyoung = -1", "body[0].region[0].young = -1 must be above 0 Pa"),
         ('name = "hard"\nyoung = 1', 'is no region of the mesh: it has "soft" (1), "stiff" (2)'),
         ('name = "stiff"', "body[0].region[0] changes nothing"),
@@ -216,9 +215,7 @@ def test_unknown_regions_and_sets_are_told_with_those_that_there_are(tmp_path):
         ('name = "stiff"\nmass = 2', "body[0].region[0].mass = 2 is not a key"),
     ],
 )
-def test_materials_of_regions_are_checked_and_refused_until_they_are_simulated(
-    tmp_path, keys, words
-):
+def test_materials_of_regions_are_checked(tmp_path, keys, words):
     two_materials(tmp_path)
     path = scene(tmp_path, more=f"[[body.region]]\n{keys}\n")
     with pytest.raises(SceneError) as caught:

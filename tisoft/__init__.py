@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         NeoHookean,
         ViscoElastic,
     )
+    from tisoft.region_material import RegionMaterial
     from tisoft.scene import (
         Body,
         Box,
@@ -41,10 +42,10 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Body", "Box", "Camera", "Diverged", "Frame", "Linear", "Load", "MassSpring", "MassTensor",
-    "MeshError", "NeoHookean", "NoEquilibrium", "Pin", "Plane", "Probe", "Render", "Scene",
-    "SceneError", "Simulation", "Skin", "Sphere", "SpringNet", "TetMesh", "TisoftError", "Torque",
-    "Turn", "ViscoElastic", "ball", "box", "cloth", "cylinder", "grid", "load_scene", "net",
-    "read_mesh", "read_skin", "skin", "tet_mesh", "where",
+    "MeshError", "NeoHookean", "NoEquilibrium", "Pin", "Plane", "Probe", "RegionMaterial", "Render",
+    "Scene", "SceneError", "Simulation", "Skin", "Sphere", "SpringNet", "TetMesh", "TisoftError",
+    "Torque", "Turn", "ViscoElastic", "ball", "box", "cloth", "cylinder", "grid", "load_scene",
+    "net", "read_mesh", "read_skin", "skin", "tet_mesh", "where",
 ]  # fmt: skip
 
 _HOMES = {
@@ -54,6 +55,7 @@ _HOMES = {
     "tisoft.geometry.shapes": ("ball", "box", "cloth", "cylinder", "grid", "net"),
     "tisoft.geometry.skin": ("Skin", "read_skin", "skin"),
     "tisoft.models.materials": ("Linear", "MassSpring", "MassTensor", "NeoHookean", "ViscoElastic"),
+    "tisoft.region_material": ("RegionMaterial",),
     "tisoft.scene": (
         "Body", "Box", "Camera", "Load", "Pin", "Plane", "Probe", "Render", "Scene", "Sphere",
         "Torque", "Turn",

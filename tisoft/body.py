@@ -15,7 +15,7 @@ from tisoft.geometry.skin import Skin
 from tisoft.loads import Load, Torque
 from tisoft.models.materials import MassSpring, Model, SolidModel
 from tisoft.pins import Pin, Turn
-from tisoft.region_material import NOT_YET, RegionMaterial
+from tisoft.region_material import RegionMaterial, materials_of
 from tisoft.where import InSet, NodeNumbers, Selection, rows_in
 
 
@@ -54,7 +54,7 @@ class Body:
     pins: list[Pin] = field(default_factory=list)
     loads: list[Load] = field(default_factory=list)
     regions: list[RegionMaterial] = field(default_factory=list)
-    """Materials of their own in regions of the mesh; refused until they are simulated."""
+    """Materials of their own in regions of the mesh."""
     skin: Skin | None = None
 
     def __post_init__(self) -> None:
@@ -96,6 +96,30 @@ class Body:
             self._check_load(load)
         self.loads.append(load)
         return load
+
+    def region(self, name: str | None = None, **numbers: Any) -> RegionMaterial:
+        """Give a region of the mesh's file numbers of its own: see RegionMaterial.
+
+        Raises SceneError also where the mesh has no such region.
+        """
+        region = RegionMaterial(name, **numbers)
+        materials_of(self.mesh, self.model, [*self.regions, region])
+        self.regions.append(region)
+        return region
+
+    @property
+    def made_of(self) -> tuple[Any, ...]:
+        """Its model and regions: what its materials are told by."""
+        return (self.model, *self.regions)
+
+    def materials(self) -> tuple[list[Model], NDArray[np.int64]]:
+        """The models of its cells, its own first, and each cell's number among them, (cells,) in
+        shape.
+
+        Raises:
+            FieldError: a region that is not there, an impossible number, or a cell of two regions.
+        """
+        return materials_of(self.mesh, self.model, self.regions)
 
     def nodes(self, where: Selection) -> NodeNumbers:
         """Rows of `mesh.points` that a selection picks, ascending; at least one.
@@ -163,7 +187,7 @@ class Body:
                 'alone; take mass = "lumped" (modes --mass consistent works for all elements)'
             )
             raise FieldError("mass", problem, "consistent")
-        self._check_regions()
+        self.materials()
         if self.skin is not None and not isinstance(self.skin, Skin):
             raise FieldError("skin", "must be a skin, as of tisoft.skin or tisoft.read_skin")
         if self.skin is not None and self.skin.corners.max() >= len(self.mesh.points):
@@ -172,14 +196,6 @@ class Body:
         for i, load in enumerate(self.loads):
             with inside(f"load[{i}]"):
                 self._check_load(load)
-
-    def _check_regions(self) -> None:
-        for i, region in enumerate(self.regions):
-            with inside(f"region[{i}]"):
-                region.model(self.model)
-                region.tets(self.mesh)
-        if self.regions:
-            raise FieldError("region[0]", f"cannot be used: {NOT_YET}")
 
     def _check_springs(self, model: MassSpring) -> None:
         springs = self.springs()

@@ -32,6 +32,7 @@ from tisoft.geometry.mesh import SolidMesh, SpringNet, TetMesh
 from tisoft.geometry.skin import Skin
 from tisoft.models import materials
 from tisoft.obstacles import OBSTACLES
+from tisoft.region_material import RegionMaterial
 from tisoft.whole_files import written
 
 VERSION = 3
@@ -41,8 +42,8 @@ _CLASSES: dict[str, Any] = {
     cls.__name__ if module == "" else f"{module}.{cls.__name__}": cls
     for module, classes in {
         "": (
-            scene.Scene, Body, TetMesh, SolidMesh, SpringNet, groups.Region, groups.NodeSet, Skin,
-            pins.Pin, pins.Turn, loads.Load, loads.Torque,
+            scene.Scene, Body, RegionMaterial, TetMesh, SolidMesh, SpringNet, groups.Region,
+            groups.NodeSet, Skin, pins.Pin, pins.Turn, loads.Load, loads.Torque,
             *OBSTACLES.values(), scene_parts.Probe,
             scene_parts.Camera, scene_parts.Render, *materials.MODELS.values(),
         ),

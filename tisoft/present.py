@@ -4,7 +4,6 @@ the caller changes between frames.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -72,7 +71,7 @@ class Present:
             check_bound(self.limit.rest_bound(), self.system)
         self.observer = Observer(self.system)
         self.watch = Watch(self.system, self.limit)
-        self._models = [body.model for body in scene.bodies]
+        self._made_of = [body.made_of for body in scene.bodies]
         self._gravity = tuple(scene.gravity)
         self._obstacles: tuple[Any, ...] = ()
         self._set_start()
@@ -135,15 +134,16 @@ class Present:
         """Take over what the caller changed since the last frame; returns whether materials or
         gravity did.
         """
-        models = [body.model for body in self.scene.bodies]
-        changed = any(a is not b for a, b in zip(models, self._models, strict=True))
+        made_of = [body.made_of for body in self.scene.bodies]
+        changed = made_of != self._made_of
         gravity = tuple(self.scene.gravity)
         others = changed or gravity != self._gravity
         if others:
             before = self._stored() if self.account is not None else 0.0
             self._gravity = gravity
             if changed:
-                self._reread(models)
+                self._reread()
+                self._made_of = made_of
             if self.account is not None:
                 self.account.external_work += self._stored() - before
         if any(a is not b for a, b in zip(self.scene.obstacles, self._obstacles, strict=False)) or (
@@ -161,11 +161,10 @@ class Present:
         """T + W + G [J] of the present state, under the gravity that was known last."""
         return sum(self.observer.energies(self._gravity).values())
 
-    def _reread(self, models: Sequence[Any]) -> None:
+    def _reread(self) -> None:
         for part, body in zip(self.system.parts, self.scene.bodies, strict=True):
             part.body = damped_body(body)
         self.system.reread_models()
-        self._models = list(models)
         self.limit.refresh()
 
     # -- the present state ---------------------------------------------------------------------

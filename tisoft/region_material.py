@@ -1,22 +1,22 @@
-"""A material of its own in a region of the mesh's file: what differs there from the body's."""
+"""Materials of their own in regions of a mesh's file: what differs there from the body's."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tisoft import checks
-from tisoft.checks import FieldError
+from tisoft.checks import FieldError, inside
 from tisoft.geometry.groups import listed, named
 from tisoft.geometry.mesh import Mesh
-from tisoft.models.materials import Model, SolidModel
+from tisoft.models.materials import MassSpring, Model
 
-NOT_YET = (
-    "regions of their own material are not simulated yet; leave it out, and one material is used "
-    "for the whole body"
-)
+SPRINGS_TAKE = ("young", "density")
+"""What a region of springs may change."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,11 @@ class RegionMaterial:
     Args:
         name: the region's name in the mesh file, or
         tag: its number there.
-        young, poisson, density, phi, eta: as in the model [Pa, 1, kg/m³, Pa·s, Pa·s].
+        young, poisson, density, phi, eta: as in the model [Pa, 1, kg/m³, Pa·s, Pa·s]; springs
+            take young and density alone.
+
+    Raises:
+        FieldError: neither or both of name and tag, or no number that changes anything.
     """
 
     name: str | None = None
@@ -46,8 +50,8 @@ class RegionMaterial:
         if not self._numbers():
             raise FieldError("", "changes nothing; give young, poisson, density, phi or eta")
 
-    def tets(self, mesh: Mesh) -> np.ndarray:
-        """Rows of `mesh.tets` in the region; raises FieldError where there is no such region."""
+    def places(self, mesh: Mesh) -> list[int]:
+        """Places in `mesh.regions`; raises FieldError where there is no such region."""
         field = "name" if self.tag is None else "tag"
         wanted = self.tag if self.name is None else self.name
         assert wanted is not None
@@ -55,16 +59,60 @@ class RegionMaterial:
         if not places:
             there = f"it has {listed(mesh.regions)}" if mesh.regions else "it has no regions"
             raise FieldError(field, f"is no region of the mesh: {there}", wanted)
-        return np.unique(np.concatenate([mesh.regions[k].tets for k in places]))
+        return places
 
-    def model(self, body: Model) -> SolidModel:
+    def tets(self, mesh: Mesh) -> NDArray[np.int64]:
+        """Rows of the region's cells among those of the mesh."""
+        cells = [mesh.regions[k].tets for k in self.places(mesh)]
+        return np.unique(np.concatenate(cells)).astype(np.int64)
+
+    def model(self, body: Model) -> Model:
         """The body's model with the region's numbers; raises FieldError where one is impossible."""
-        if not isinstance(body, SolidModel):
-            raise FieldError("", "needs a model of tets; springs take their stiffness by rows")
+        if isinstance(body, MassSpring):
+            self._check_springs(body)
         return replace(body, **self._numbers())
+
+    def _check_springs(self, body: MassSpring) -> None:
+        for name, value in self._numbers().items():
+            if name not in SPRINGS_TAKE:
+                problem = "is no number of mass-spring; a region of springs takes young and density"
+                raise FieldError(name, problem, value)
+        if self.young is not None and not body.needs_young:
+            problem = 'changes nothing: stiffness is given in N/m; leave it out ("from-young")'
+            raise FieldError("young", problem, self.young)
+        if self.density is not None and body.node_mass is not None:
+            problem = "changes nothing: node_mass is given in kg; leave it out"
+            raise FieldError("density", problem, self.density)
+
+    def words(self) -> str:
+        """Its numbers, as "young = 1e+06 Pa, density = 900 kg/m³"."""
+        units = {"young": " Pa", "density": " kg/m³", "phi": " Pa·s", "eta": " Pa·s"}
+        told = [f"{key} = {value:g}{units.get(key, '')}" for key, value in self._numbers().items()]
+        return ", ".join(told)
 
     def _numbers(self) -> dict[str, Any]:
         given = {
             f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("name", "tag")
         }
         return {name: value for name, value in given.items() if value is not None}
+
+
+def materials_of(
+    mesh: Mesh, model: Model, regions: Sequence[RegionMaterial]
+) -> tuple[list[Model], NDArray[np.int64]]:
+    """The body's model, then each region's, and the number among them of each cell, (cells,).
+
+    Raises:
+        FieldError: a region that is not there, an impossible number, or a cell of two materials.
+    """
+    models, number = [model], np.zeros(mesh.elements, np.int64)
+    for i, region in enumerate(regions):
+        with inside(f"region[{i}]"):
+            models.append(region.model(model))
+            cells = region.tets(mesh)
+            taken = number[cells][number[cells] > 0]
+            if len(taken):
+                problem = f"has {len(taken)} cells that region[{taken[0] - 1}] gives a material too"
+                raise FieldError("", f"{problem}; keep their cells apart")
+            number[cells] = i + 1
+    return models, number

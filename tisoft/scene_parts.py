@@ -76,7 +76,8 @@ class Render:
 
     Args:
         size: width and height [pixels].
-        color: the surface's: "stress", "strain", "speed", or a plain one per "body".
+        color: the surface's: "stress", "strain", "speed", or a plain one per "body", or
+            per "region" of the mesh's file.
         wireframe: draw the edges of the surface too.
         samples: per pixel and direction, for smooth edges.
         ground: draw obstacle planes as a checked floor.
@@ -101,7 +102,7 @@ class Render:
             raise FieldError("size", "must be two numbers (width, height)", self.size)
         size = [checks.integer(f"size[{i}]", n, least=16, most=8192) for i, n in enumerate(items)]
         put(self, "size", (size[0], size[1]))
-        checks.choice("color", self.color, ("stress", "strain", "speed", "body"))
+        checks.choice("color", self.color, ("stress", "strain", "speed", "body", "region"))
         checks.flag("wireframe", self.wireframe)
         checks.integer("samples", self.samples, least=1, most=8)
         for field in ("ground", "alpha", "scale"):

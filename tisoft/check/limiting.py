@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from tisoft.elements.spring import frequencies
 from tisoft.geometry.quality import smallest_altitudes
 from tisoft.model.part import Part
-from tisoft.models.materials import SolidModel
 from tisoft.simulation import Simulation
 from tisoft.stable.bound import averages, longest_step
 
@@ -161,10 +160,9 @@ def _material_causes(limits: list[RestLimits], least: RestLimits) -> list[str]:
 
 
 def _wave_speed(part: Part) -> float | None:
-    model = part.body.model
-    if not isinstance(model, SolidModel):
-        return None
-    return float(np.sqrt((model.lame_lambda + 2.0 * model.lame_mu) / model.density))
+    own = [cells.solid for cells in part.solids]
+    squares = [(model.lame_lambda + 2.0 * model.lame_mu) / model.density for model in own]
+    return float(np.sqrt(max(squares))) if squares else None
 
 
 def metres(length: float) -> str:

@@ -37,7 +37,7 @@ def _of_body(body: Body) -> Iterator[str]:
         yield f"is not just as its file has it: {told}"
     if isinstance(mesh, TetMesh):
         yield from _of_joints(mesh, mesh.joints)
-        yield from _of_regions(mesh)
+        yield from _of_regions(body)
     elif apart := _coincident(mesh, coincident_nodes(mesh.points, mesh.edges)):
         yield apart
     yield from _of_pieces(body)
@@ -99,9 +99,13 @@ def _folded(mesh: TetMesh, folded: Ints) -> str:
     )
 
 
-def _of_regions(mesh: TetMesh) -> Iterator[str]:
-    parts = [region for region in mesh.regions if len(region.tets) < len(mesh.tets)]
-    if not parts:
+def _of_regions(body: Body) -> Iterator[str]:
+    mesh = body.mesh
+    parts = [region for region in mesh.regions if len(region.tets) < mesh.elements]
+    number = body.materials()[1]
+    if body.regions:  # what the others are made of is said by leaving them out, where it is one
+        parts = [region for region in parts if not number[region.tets].any()]
+    if len(parts) < 1 + bool(body.regions):
         return
     counted = ", ".join(
         f"{title(region)}: {_count(len(region.tets), 'tet')}" for region in parts[:6]
@@ -110,6 +114,7 @@ def _of_regions(mesh: TetMesh) -> Iterator[str]:
     yield (
         f"has {_count(len(parts), 'region')} in its file ({counted}{more}), "
         "and one material is used for all of it"
+        + (" but for the regions that have their own" if body.regions else "")
     )
 
 
@@ -155,6 +160,8 @@ def used(body: Body, group: Region | NodeSet) -> bool:
     rules = [pin.where for pin in body.pins] + [load.where for load in body.loads]
     mesh = body.mesh
     chosen: list[Region | NodeSet] = []
+    for own in body.regions:
+        chosen += [mesh.regions[k] for k in own.places(mesh)]
     for rule in rules:
         if isinstance(rule, InRegion):
             chosen += [mesh.regions[k] for k in rule.found(mesh)]

@@ -15,7 +15,7 @@ from tisoft.check.meshes import mesh_notes, used
 from tisoft.check.warnings import warnings_of
 from tisoft.geometry.bracing import mechanism, missing_springs, moving_nodes
 from tisoft.geometry.groups import Region
-from tisoft.geometry.mesh import SolidMesh, SpringNet, TetMesh
+from tisoft.geometry.mesh import SpringNet, TetMesh
 from tisoft.geometry.quality import altitudes, quality
 from tisoft.geometry.rigidity import Rigidity, rigidity
 from tisoft.models.materials import MassSpring
@@ -97,7 +97,7 @@ def mesh_report(body: Body) -> dict[str, Any]:
         worst = int(np.argmin(shape))
         found |= {
             "volume": float(mesh.volumes.sum()),
-            "regions": [_region(mesh, region) for region in mesh.regions],
+            "regions": [_region(body, region) for region in mesh.regions],
             "worst_quality": float(shape[worst]),
             "worst_element": worst,
         }
@@ -219,12 +219,18 @@ def _mesh_lines(name: str, mesh: dict[str, Any], result: dict[str, Any]) -> list
     return lines
 
 
-def _region(mesh: TetMesh | SolidMesh, region: Region) -> dict[str, Any]:
+def _region(body: Body, region: Region) -> dict[str, Any]:
+    mesh = body.mesh
+    assert not isinstance(mesh, SpringNet)
+    own = [
+        r.words() for r in body.regions if any(mesh.regions[k] is region for k in r.places(mesh))
+    ]
     return {
         "name": region.name,
         "tag": region.tag,
         "elements": len(region.tets),
         "volume": float(mesh.volumes[region.tets].sum()),
+        "material": own[0] if own else None,
     }
 
 
@@ -232,6 +238,7 @@ def _group_lines(mesh: dict[str, Any]) -> list[str]:
     """Regions, sets and notes of the file."""
     lines = [
         f"  region         {_title(group)}: {group['elements']} elements, {group['volume']:.4g} m³"
+        + (f", {group['material']}" if group["material"] else "")
         for group in mesh["regions"]
     ]
     for group in mesh["sets"]:

@@ -25,7 +25,7 @@ from tisoft.whole_files import Unwritable, as_json
 if TYPE_CHECKING:
     from tisoft.simulation import Simulation
 
-COLORS = ("stress", "strain", "speed", "body")
+COLORS = ("stress", "strain", "speed", "body", "region")
 
 
 def place(text: str) -> str:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from tisoft.model.part import Part
-from tisoft.models.materials import SolidModel
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.integer]
@@ -56,12 +55,12 @@ def consistent_mass(part: Part) -> sparse.csc_matrix:
 
     Springs have point masses: theirs is diagonal.
     """
-    model, nodes = part.body.model, len(part.order)
-    if not isinstance(model, SolidModel):
+    nodes = len(part.order)
+    if not part.solids:
         return sparse.diags(part.mass, format="csc")
     total = sparse.csc_matrix((nodes, nodes))
     for cells in part.solids:
-        local = model.density * cells.element.products(cells.rest)
+        local = cells.solid.density * cells.element.products(cells.rest)
         width = local.shape[1]
         pairs = np.repeat(cells.nodes, width, axis=1).ravel(), np.tile(cells.nodes, width).ravel()
         total = total + sparse.coo_matrix((local.ravel(), pairs), shape=(nodes, nodes)).tocsc()

@@ -12,7 +12,6 @@ from scipy import sparse
 
 from tisoft.equilibrium import assembly
 from tisoft.model.part import Part
-from tisoft.models.materials import SolidModel
 
 Floats = NDArray[np.float64]
 
@@ -21,12 +20,10 @@ class AtRest:
     """Operators of one body with cells, at rest; see `operators.Elastic`."""
 
     def __init__(self, part: Part) -> None:
-        model = part.body.model
-        assert isinstance(model, SolidModel)
         self.part = part
         self.nodes = len(part.order)
-        self._stiffness = _matrix(part, model.lame_lambda, model.lame_mu)
-        self._viscosity = _matrix(part, model.phi, model.eta) if part.is_viscous() else None
+        self._stiffness = _matrix(part, "elastic")
+        self._viscosity = _matrix(part, "viscous") if part.is_viscous() else None
 
     def stiffness_times(self, w: Floats, u: Floats | None = None) -> Floats:
         """K w [N], shape (nodes, 3)."""
@@ -45,13 +42,13 @@ class AtRest:
         return assembly.consistent_mass(self.part)
 
 
-def _matrix(part: Part, lam: float, mu: float) -> sparse.csr_matrix:
+def _matrix(part: Part, pair: str) -> sparse.csr_matrix:
     size = 3 * len(part.order)
     total = sparse.csr_matrix((size, size))
     for cells in part.solids:
         dofs = (3 * cells.nodes[:, :, None] + np.arange(3)).reshape(len(cells.nodes), -1)
         width = dofs.shape[1]
         pairs = np.repeat(dofs, width, axis=1).ravel(), np.tile(dofs, width).ravel()
-        values = cells.matrices(lam, mu).ravel()
+        values = cells.matrices(*getattr(cells, pair)).ravel()
         total = total + sparse.coo_matrix((values, pairs), shape=(size, size)).tocsr()
     return total

@@ -21,7 +21,7 @@ from tisoft.equilibrium.balance import held_axes
 from tisoft.equilibrium.modes import body_modes
 from tisoft.equilibrium.operators import Elastic, Floats
 from tisoft.model.part import Part, parts_of
-from tisoft.models.materials import MassSpring, Model
+from tisoft.models.materials import MassSpring, Model, SolidModel
 from tisoft.scene import Scene
 
 LOOKED_AT = 12
@@ -46,7 +46,19 @@ def damped_body(body: Body) -> Body:
     """The body itself, or where it has a damping ratio a copy with viscosity in its place; pins and
     loads stay the body's own.
     """
-    return body if body.model.damping_ratio is None else replace_model(body, damped_model(body))
+    if body.model.damping_ratio is None:
+        return body
+    model = damped_model(body)
+    regions = body.regions
+    if isinstance(model, SolidModel) and model.eta:
+        time = model.eta / model.lame_mu  # τ, the same in every region
+        own = [region.model(body.model) for region in regions]
+        viscous = [(time * m.lame_lambda, time * m.lame_mu) for m in own]  # type: ignore[union-attr]
+        regions = [
+            replace(region, phi=phi, eta=eta)
+            for region, (phi, eta) in zip(regions, viscous, strict=True)
+        ]
+    return replace(body, model=model, regions=regions)
 
 
 def damped_model(body: Body) -> Model:

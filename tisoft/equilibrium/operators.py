@@ -97,7 +97,9 @@ class Elastic:
         """Smallest det F over the points of the mesh's cells, springs' too; inf without cells."""
         if self._solids is None:
             part = self.part
-            self._solids = part.solids or cells_of(part.body.mesh, part.center, part.rank)
+            self._solids = part.solids or cells_of(
+                part.body.mesh, part.center, part.rank, part.body.materials()
+            )
         least = [np.linalg.det(cells.deformation(u)).min() for cells in self._solids]
         return float(min(least, default=np.inf))
 

@@ -71,25 +71,25 @@ class CellGauge:
         self.part = part
         precision = "f64" if runtime.has_f64() else "f32"
         self._system = System([plain_body(part.body)], precision)
-        self._model = part.body.model
+        self._made_of = part.body.made_of
         self._order = np.argsort(self._system.parts[0].cell_order)
         self._reads = [self._read_of(share) for share in self._system.shares]
 
     def _read_of(self, share: Share) -> tuple[Any, int, Any, list[NDArray[Any]]]:
         """Kernel, first batch, places of cells and room for results of one block."""
-        ((_, cells),) = share.members
         launch = self._system.lease.arena.kernel(
             ("measures", share.block), lambda: make_measures(self._system.state, share.block)
         )
-        count = len(cells.nodes)
+        place = np.concatenate([cells.place for _, cells in share.members]).astype(np.int32)
+        count = len(place)
         shapes: list[tuple[int, ...]] = [(count, 3, 3)] * 3 + [(count,)] * 3
         outs = [np.zeros(shape, self._system.real) for shape in shapes]
-        return launch, share.row("batches"), cells.place.astype(np.int32), outs
+        return launch, share.row("batches"), place, outs
 
     def read(self, u: NDArray[Any]) -> CellMeasures:
         """The cells' strain and stress at displacements u [m] of the body's nodes."""
-        if self.part.body.model is not self._model:
-            self._model = self.part.body.model
+        if self.part.body.made_of != self._made_of:
+            self._made_of = self.part.body.made_of
             self._system.parts[0].body = plain_body(self.part.body)
             self._system.reread_models()
         self._system.set_motion(u, np.zeros_like(u))

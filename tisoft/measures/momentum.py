@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from tisoft.model.part import Part
 from tisoft.model.system import System
-from tisoft.models.materials import SolidModel
 
 Floats = NDArray[np.float64]
 
@@ -38,11 +37,11 @@ def angular_momentum(system: System, parts: Sequence[Part], about: Any) -> Float
 
 
 def _spin(part: Part, x: Floats, v: Floats) -> Floats:
-    model = part.body.model
     if not part.is_consistent:
         return np.asarray(part.mass @ np.cross(x, v))
-    assert isinstance(model, SolidModel)
-    (cells,) = part.solids
-    xs, vs = x[cells.nodes], v[cells.nodes]
-    sums = np.cross(xs.sum(axis=1), vs.sum(axis=1)) + np.cross(xs, vs).sum(axis=1)
-    return np.asarray(model.density / 20.0 * (part.volume @ sums))
+    total = np.zeros(3)
+    for cells in part.solids:
+        xs, vs = x[cells.nodes], v[cells.nodes]
+        sums = np.cross(xs.sum(axis=1), vs.sum(axis=1)) + np.cross(xs, vs).sum(axis=1)
+        total += cells.solid.density / 20.0 * (cells.volume @ sums)
+    return total

@@ -1,7 +1,8 @@
-"""A body's cells of one element, numbered inside: what a block of fields is filled from."""
+"""A body's cells of one element and material, numbered inside: what a block is filled from."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -20,7 +21,7 @@ Ints = NDArray[np.int32]
 
 @dataclass(eq=False)
 class Cells:
-    """Cells of one element; rows follow a Morton curve."""
+    """Cells of one element and material; rows follow a Morton curve."""
 
     element: Any
     """Class of the element."""
@@ -30,6 +31,10 @@ class Cells:
     """Rest numbers of each cell."""
     order: NDArray[np.int64]
     """Number of each cell among all cells of the mesh."""
+    model: SolidModel | None = None
+    """What they are made of; None for springs and the edges of mass-tensors."""
+    material: int = 0
+    """Number of the model among those of the body (`Body.materials`)."""
     place: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
     """Batch · lanes + lane of each cell in its block."""
     _known: dict[tuple[str, float, float], Floats] = field(default_factory=dict)
@@ -50,21 +55,38 @@ class Cells:
         """
         return np.eye(3) + np.einsum("eai,eqaj->eqij", u[self.nodes], self.gradients)
 
-    def masses(self, density: float) -> Floats:
+    @property
+    def solid(self) -> SolidModel:
+        """The model of cells that are no edges."""
+        assert self.model is not None
+        return self.model
+
+    @property
+    def elastic(self) -> tuple[float, float]:
+        """λ and μ [Pa]."""
+        return self.solid.lame_lambda, self.solid.lame_mu
+
+    @property
+    def viscous(self) -> tuple[float, float]:
+        """φ and η [Pa·s]."""
+        return self.solid.phi, self.solid.eta
+
+    @property
+    def masses(self) -> Floats:
         """Lumped masses of the corners [kg], shape (cells, corners)."""
-        return np.asarray(self.element.masses(self.rest, density), np.float64)
+        return np.asarray(self.element.masses(self.rest, self.solid.density), np.float64)
 
     def matrices(self, lam: float, mu: float) -> Floats:
         """K_e at rest [N/m] of Lamé constants, shape (cells, 3 corners, 3 corners)."""
         return np.asarray(self.element.matrices(self.rest, lam, mu), np.float64)
 
-    def known(self, model: SolidModel, *, viscous: bool, heavier: float = 1.0) -> Floats:
+    def known(self, *, heavier: float = 1.0) -> Floats:
         """Columns of `Block.modes`: ω² [1/s²] and damping rate 2ζω [1/s] of each cell's stiffest
         mode at rest with its own lumped mass over `heavier`, what the law's growth adds to ω²
         [1/(kg/m)], weight [m³], and what `stiffened` of the element asks for besides.
         """
-        scale = heavier / model.density
-        elastic, rate = (model.lame_lambda, model.lame_mu), (model.phi, model.eta)
+        scale, elastic, rate = heavier / self.solid.density, self.elastic, self.viscous
+        viscous = any(rate)
         omega2 = scale * self._of("frequency", *elastic)
         zero = np.zeros(len(omega2))
         damping = scale * self._of("frequency", *rate) if viscous else zero
@@ -89,16 +111,26 @@ class Cells:
         return np.asarray(self.element.spread_square(self.rest), np.float64)
 
 
-def cells_of(mesh: Mesh, center: Floats, rank: NDArray[np.int64]) -> list[Cells]:
-    """The cells of a mesh, a list for each element it needs; `rank`: inside node of each row of
-    `mesh.points`, `center`: of the rest points [m].
+def cells_of(
+    mesh: Mesh,
+    center: Floats,
+    rank: NDArray[np.int64],
+    materials: tuple[Sequence[Any], NDArray[np.int64]],
+) -> list[Cells]:
+    """The cells of a mesh, a list for each element and material; `rank`: inside node of each row of
+    `mesh.points`, `center`: of the rest points [m], `materials`: as of `Body.materials`.
     """
+    models, number = materials
     found, begun = [], 0
     for word, rows in mesh.cells.items():
         order = morton_order(mesh.points[rows].mean(axis=1))
         element, corners = elements.element(word, mesh.points, rows)
-        own = rows[order][:, corners]
-        rest = element.rest(mesh.points - center, own)
-        found.append(Cells(element, rank[own].astype(np.int32), rest, order + begun))
+        for material in np.unique(number[begun : begun + len(rows)]):
+            mine = order[number[order + begun] == material]
+            own = rows[mine][:, corners]
+            rest = element.rest(mesh.points - center, own)
+            model = models[material] if isinstance(models[material], SolidModel) else None
+            cells = rank[own].astype(np.int32)
+            found.append(Cells(element, cells, rest, mine + begun, model, int(material)))
         begun += len(rows)
     return found

@@ -52,12 +52,19 @@ def network(body: Body) -> Network:
         stiffness[:] = model.stiffness
     if model.needs_young:
         assert model.young is not None
-        made = model.young * _volume_share(mesh, ends, lengths, model.thickness) / lengths**2
+        made = _volume_share(mesh, ends, model.thickness, _of_cells(body, "young")) / lengths**2
         stiffness = np.where(np.isnan(stiffness), made, stiffness)
     rest = lengths.copy()
     if model.rest_lengths is not None:
         rest = np.where(np.isnan(model.rest_lengths), lengths, model.rest_lengths)
-    return Network(ends, stiffness, rest, model.spring_damping, _masses(mesh, model))
+    return Network(ends, stiffness, rest, model.spring_damping, _masses(body, model))
+
+
+def _of_cells(body: Body, name: str) -> Floats:
+    """A number of each cell's material, shape (cells,); the body's own where there are none."""
+    models, number = body.materials()
+    values = np.array([getattr(model, name) for model in models], np.float64)
+    return values[number] if len(number) else values
 
 
 def _keys(pairs: NDArray[np.integer], nodes: int) -> NDArray[np.int64]:
@@ -67,19 +74,19 @@ def _keys(pairs: NDArray[np.integer], nodes: int) -> NDArray[np.int64]:
 
 
 def _volume_share(
-    mesh: Mesh, ends: NDArray[np.int64], lengths: Floats, thickness: float | None
+    mesh: Mesh, ends: NDArray[np.int64], thickness: float | None, young: Floats
 ) -> Floats:
-    """Volume that each spring stands for [m³], shape (springs,)."""
+    """Volume that each spring stands for times Young's modulus there [Pa m³], shape (springs,)."""
     nodes = len(mesh.points)
     if mesh.elements:
         # A tet's edges stand for its volume six times; those of other cells in sum for as much.
         edges = [rows[:, CELLS[word].edges] for word, rows in mesh.cells.items()]
         keys = _keys(np.concatenate([own.reshape(-1, 2) for own in edges]), nodes)
         each = np.concatenate([np.full(len(own), own.shape[1]) for own in edges])
-        share = np.repeat(6.0 / each * _volumes(mesh), each)
+        share = np.repeat(6.0 / each * young * _volumes(mesh), each)
     else:
         assert thickness is not None
-        areas = triangle_areas(mesh.points, mesh.surface)
+        areas = young[0] * triangle_areas(mesh.points, mesh.surface)
         keys = _keys(mesh.surface[:, [[0, 1], [1, 2], [2, 0]]], nodes)
         share = np.repeat(thickness * areas, 3)
         if not np.isin(_keys(ends, nodes), keys).all():
@@ -106,9 +113,11 @@ def _volumes(mesh: Mesh) -> Floats:
     return mesh.volumes
 
 
-def node_volumes(mesh: Mesh) -> Floats:
-    """Volume that each node stands for [m³]: every cell's shared out equally, shape (nodes,)."""
-    total, volumes, begun = np.zeros(len(mesh.points)), _volumes(mesh), 0
+def node_volumes(mesh: Mesh, density: Floats | float = 1.0) -> Floats:
+    """Volume that each node stands for [m³] times the cells' density: every cell's shared out
+    equally, shape (nodes,).
+    """
+    total, volumes, begun = np.zeros(len(mesh.points)), density * _volumes(mesh), 0
     for rows in mesh.cells.values():
         own = volumes[begun : begun + len(rows)] / rows.shape[1]
         begun += len(rows)
@@ -117,13 +126,14 @@ def node_volumes(mesh: Mesh) -> Floats:
     return total
 
 
-def _masses(mesh: Mesh, model: MassSpring) -> Floats:
+def _masses(body: Body, model: MassSpring) -> Floats:
+    mesh = body.mesh
     nodes = len(mesh.points)
     if model.node_mass is not None:
         return np.broadcast_to(np.asarray(model.node_mass, float), (nodes,)).copy()
     assert model.density is not None
     if mesh.elements:
-        return model.density * node_volumes(mesh)
+        return node_volumes(mesh, _of_cells(body, "density"))
     assert model.thickness is not None
     thirds = model.density * model.thickness * triangle_areas(mesh.points, mesh.surface) / 3.0
     weights = np.repeat(thirds, 3)

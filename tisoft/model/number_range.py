@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from tisoft.checks import FieldError
 from tisoft.model.part import Part
 from tisoft.model.system import System
-from tisoft.models.materials import SolidModel
 from tisoft.scene import Plane, Scene
 
 Numbers = NDArray[np.float64] | list[float]
@@ -49,13 +48,13 @@ def _of_part(part: Part) -> Iterator[tuple[str, str, Numbers, float]]:
     yield "position", "m", part.body.mesh.points.ravel(), 0.0
     yield "mass of a node", "kg", part.mass, 1.0
     model = part.body.model
-    if isinstance(model, SolidModel):
+    if part.solids:
         for cells in part.solids:
             slopes = np.linalg.norm(cells.gradients, axis=3).max(axis=2)
             yield f"size of a {cells.element.word}", "m", 1.0 / slopes.ravel(), 1.0
             yield f"volume of a {cells.element.word}", "m³", cells.volume, 1.0
-        yield "Lamé constant", "Pa", [model.lame_lambda, model.lame_mu], 0.0
-        yield "viscosity", "Pa·s", [model.phi, model.eta], 0.0
+            yield "Lamé constant", "Pa", list(cells.elastic), 0.0
+            yield "viscosity", "Pa·s", list(cells.viscous), 0.0
     elif len(part.springs):
         yield "stiffness of a spring", "N/m", part.spring_numbers[:, 0], 0.0
         yield "length of a spring", "m", part.spring_numbers[:, 1], 1.0

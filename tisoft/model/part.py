@@ -41,7 +41,7 @@ class Part:
     mass: Floats
     """Lumped masses [kg], shape (nodes,)."""
     solids: list[Cells] = field(default_factory=list)
-    """Its cells, a list for each element; empty for springs."""
+    """Its cells, a list for each element and material; empty for springs."""
     springs: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 2), np.int64))
     """Nodes of each spring, in the order of `Body.springs`."""
     spring_numbers: Floats = field(default_factory=lambda: np.empty((0, 3)))
@@ -122,22 +122,21 @@ class Part:
         """Class of the law that its tets obey, mass-tensors' too; None for springs."""
         return None if self.kind is None else laws.law(self.kind[0])
 
-    def material(self, element: Any) -> list[float]:
-        """The row m of its block for an element: constants of the law [Pa], those of the element,
-        elastic [Pa] and viscous [Pa·s], and φ and η [Pa·s].
+    def material(self, cells: Cells) -> list[float]:
+        """The row m of some of its cells: constants of the law [Pa], those of the element, elastic
+        [Pa] and viscous [Pa·s], and φ and η [Pa·s].
         """
-        model = self.body.model
-        if not isinstance(model, SolidModel) or self.is_tensor:
+        if cells.model is None:
             return [0.0, 0.0]
-        own = [element.of_material(*pair) for pair in _pairs(model)]
-        constants = self.law.constants(model.lame_lambda, model.lame_mu)
-        return [*constants, *own[0], *own[1], model.phi, model.eta]
+        own = [cells.element.of_material(*pair) for pair in (cells.elastic, cells.viscous)]
+        return [*self.law.constants(*cells.elastic), *own[0], *own[1], *cells.viscous]
 
-    def is_viscous(self) -> bool:
-        """Whether it damps the rate of its strain or of its springs."""
-        model = self.body.model
-        if isinstance(model, SolidModel):
-            return bool(model.phi or model.eta)
+    def is_viscous(self, cells: Cells | None = None) -> bool:
+        """Whether it, or some of its cells, damp the rate of their strain or of their springs."""
+        if cells is not None and cells.model is not None:
+            return any(cells.viscous)
+        if self.solids:
+            return any(any(own.viscous) for own in self.solids)
         return bool(self.spring_numbers[:, 2].any())
 
     def blocks(self) -> list[Cells]:
@@ -147,10 +146,11 @@ class Part:
             return [self._edges(spring.Spring, self.springs, rest)]
         if not self.is_tensor:
             return self.solids
-        assert isinstance(self.body.model, SolidModel)
         sums = [
-            tensor.edge_sums([(cells.nodes, cells.matrices(*pair)) for cells in self.solids])
-            for pair in _pairs(self.body.model)
+            tensor.edge_sums(
+                [(cells.nodes, cells.matrices(*getattr(cells, pair))) for cells in self.solids]
+            )
+            for pair in ("elastic", "viscous")
         ]
         rest = np.concatenate([sums[0][1], sums[1][1]], axis=1)
         return [self._edges(tensor.Tensor, sums[0][0], rest)]
@@ -163,12 +163,8 @@ class Part:
         """`Cells.known` of each of `solids`; consistent mass is up to five times lighter than the
         lumped but for translation.
         """
-        model = self.body.model
-        assert isinstance(model, SolidModel)
         heavier = 5.0 if self.is_consistent else 1.0
-        return [
-            cells.known(model, viscous=self.is_viscous(), heavier=heavier) for cells in self.solids
-        ]
+        return [cells.known(heavier=heavier) for cells in self.solids]
 
     def reread(self) -> None:
         """Take numbers anew from the body's model.
@@ -191,7 +187,16 @@ class Part:
             net = network(self.body)
             self.spring_numbers, self.mass = spring_numbers(net), net.masses[self.order]
         else:
+            self._make_of(*self.body.materials())
             self.weigh()
+
+    def _make_of(self, models: list[Any], number: NDArray[np.int64]) -> None:
+        """Give the cells their models; raises FieldError where cells of one had to part."""
+        for cells in self.solids:
+            if (number[cells.order] != cells.material).any():
+                problem = "cannot take in other cells while it runs; make a new Simulation"
+                raise FieldError(f"body[{self.index}].region", problem)
+            cells.model = models[cells.material]
 
     @cached_property
     def kind_of_body(self) -> type:
@@ -200,17 +205,10 @@ class Part:
 
     def weigh(self) -> None:
         """Lumped masses of its cells."""
-        model = self.body.model
-        assert isinstance(model, SolidModel)
         self.mass = np.zeros(len(self.order))
         for cells in self.solids:
-            each = cells.masses(model.density).ravel()
+            each = cells.masses.ravel()
             self.mass += np.bincount(cells.nodes.ravel(), each, minlength=len(self.order))
-
-
-def _pairs(model: SolidModel) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Lamé constants [Pa], and viscous ones [Pa·s]."""
-    return (model.lame_lambda, model.lame_mu), (model.phi, model.eta)
 
 
 def parts_of(bodies: list[Body]) -> list[Part]:
@@ -244,7 +242,7 @@ def spring_numbers(net: Network) -> Floats:
 
 def _number_cells(part: Part) -> None:
     mesh, model = part.body.mesh, part.body.model
-    part.solids = cells_of(mesh, part.center, part.rank)
+    part.solids = cells_of(mesh, part.center, part.rank, part.body.materials())
     assert isinstance(model, SolidModel)
     part.kind = (model.law, model.mass)
     part.weigh()

@@ -24,7 +24,6 @@ from tisoft.model.layout import Batches, copies_of, in_batches, lanes_of
 from tisoft.model.mass import ConsistentMass, mass_rows
 from tisoft.model.part import Part, parts_of
 from tisoft.model.state import State
-from tisoft.models.materials import SolidModel
 
 Floats = NDArray[np.float64]
 
@@ -199,8 +198,8 @@ class System:
         return share.batches.filled([known[id(cells)] for _, cells in share.members])
 
     def _write_materials(self, share: Share) -> None:
-        rows = np.array([part.material(share.block.element) for part in share.parts])
-        viscous = np.array([part.is_viscous() for part in share.parts], np.int32)
+        rows = np.array([part.material(cells) for part, cells in share.members])
+        viscous = np.array([part.is_viscous(cells) for part, cells in share.members], np.int32)
         origins = np.array([self.first + part.start for part in share.parts], np.int32)
         share.block.write_materials(share.row("materials"), self._reals(rows), viscous, origins)
 
@@ -227,9 +226,10 @@ class System:
             own = np.arange(len(part.order))
             found: tuple[Any, Any, Any] = (own, own, part.mass)
             if part.is_consistent:
-                assert isinstance(part.body.model, SolidModel)
-                (cells,) = part.solids  # linear tets: `Body.validate` refuses others
-                found = mass_rows(cells.nodes, part.body.model.density * part.volume)
+                # Linear tets: `Body.validate` refuses others.
+                tets = np.concatenate([cells.nodes for cells in part.solids])
+                masses = [cells.solid.density * cells.volume for cells in part.solids]
+                found = mass_rows(tets, np.concatenate(masses))
             entries.append((found[0] + part.start, found[1] + part.start, found[2]))
         rows, cols, values = (np.concatenate(column) for column in zip(*entries, strict=True))
         return rows, cols, values

@@ -83,6 +83,9 @@ class SavedRun:
     def _values(self, mesh: Any, name: Path) -> Floats | None:
         if self.color == "body":
             return None
+        if self.color == "region":
+            problem = "holds no regions; draw the scene, or take --color body"
+            raise SceneError(f"{name} {problem}")
         if self.color == "speed":
             if "velocity" not in mesh.point_data:
                 raise SceneError(f"{name} holds no velocity; draw it with --color body")

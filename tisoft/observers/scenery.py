@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from tisoft.geometry.topology import unique_edges
 from tisoft.models.materials import MassSpring
 from tisoft.observers.framing import Survey, View, ground_of, room_of, up_of
 from tisoft.observers.quantities import QUANTITIES
+from tisoft.observers.region_colors import first_colors, node_colors, region_of_triangles
 from tisoft.observers.track import Snapshot
 from tisoft.render.colormap import body_color, colors_of
 from tisoft.render.items import Capsules, Item, Spheres, Surface
@@ -66,7 +67,9 @@ def actors_of(scene: Scene) -> list[Actor]:
     made: list[Actor] = []
     start = 0
     rest = np.concatenate([body.mesh.points for body in scene.bodies])
-    for number, body in enumerate(scene.bodies):
+    by_region = scene.render.color == "region"
+    firsts = first_colors(scene) if by_region else range(len(scene.bodies))
+    for number, body in zip(firsts, scene.bodies, strict=True):
         nodes = slice(start, start + len(body.mesh.points))
         wires = scene.render.wireframe
         actor = Actor(body.name, nodes, skin=body.skin)
@@ -75,9 +78,27 @@ def actors_of(scene: Scene) -> list[Actor]:
             actor.items = [_soft(places, body.skin.triangles, color, wires)]
         else:
             actor.items = body_items(body, start, rest, number, wireframe=wires)
+        if by_region and body.mesh.regions:
+            _show_regions(actor, body, number)
         made.append(actor)
         start = nodes.stop
     return made
+
+
+def _show_regions(actor: Actor, body: Body, number: int) -> None:
+    """A colour for each region: of triangles where these are cells' own, else of nodes."""
+    if body.skin is not None or isinstance(body.model, MassSpring):
+        colors = np.zeros((actor.nodes.stop, 3), np.float32)
+        colors[actor.nodes] = node_colors(body, number)
+        actor.paint(colors)
+        return
+    (whole,) = actor.items
+    assert isinstance(whole, Surface)
+    region = region_of_triangles(body.mesh)
+    actor.items = [
+        replace(whole, triangles=whole.triangles[region == k], color=body_color(number + int(k)))
+        for k in np.unique(region)
+    ]
 
 
 def followed_by(scene: Scene, actors: list[Actor]) -> slice | None:

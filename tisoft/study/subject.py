@@ -160,6 +160,7 @@ def alone(body: Body) -> Scene:
     """A scene in f64 with only this body, at rest, without gravity, loads or moving pins."""
     scene = Scene(gravity=(0.0, 0.0, 0.0), precision="f64")
     copy = scene.add_body(body.mesh, body.model, body.name)
+    copy.regions = list(body.regions)
     for pin in body.pins:
         if pin.release is None:
             copy.pin(pin.where, pin.axes)
