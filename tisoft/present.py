@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tisoft import runtime
 from tisoft.equilibrium.damping import damped_body
+from tisoft.model import state as columns
 from tisoft.model.number_range import check_bound, check_range
 from tisoft.model.part import Part
 from tisoft.model.system import System
@@ -21,7 +22,7 @@ from tisoft.stable.limit import StepLimit
 from tisoft.stable.watch import Watch
 from tisoft.step.account import Account
 from tisoft.step.loading import Loading, external_forces
-from tisoft.step.observe import Observer
+from tisoft.step.observe import energy_table
 from tisoft.step.pins import Holder
 from tisoft.step.stepper import Rules, Stepper
 
@@ -69,7 +70,6 @@ class Present:
             check_range(self.system, scene)
             self.limit = StepLimit(self.system, scene.integrator)
             check_bound(self.limit.rest_bound(), self.system)
-        self.observer = Observer(self.system)
         self.watch = Watch(self.system, self.limit)
         self._made_of = [body.made_of for body in scene.bodies]
         self._gravity = tuple(scene.gravity)
@@ -83,12 +83,13 @@ class Present:
 
     def _compile(self, ledger: bool) -> None:
         self.place_obstacles()
-        if ledger:
-            self.open_account()
+        self.account = Account(0.0) if ledger else None
         self.stepper = self._make_stepper()
         self.holder.begin(0.0, 0.0)
         self.limit.follow()
         self.stepper.compile()
+        if ledger:
+            self.open_account()
 
     @property
     def compile_seconds(self) -> float:
@@ -116,7 +117,7 @@ class Present:
 
     def open_account(self) -> None:
         """Begin a ledger with the present state."""
-        table = self.observer.energies(self.scene.gravity)
+        table = self._table(self.scene.gravity)
         self.account = Account(sum(table.values()))
 
     # -- what the caller changed ---------------------------------------------------------------
@@ -159,7 +160,11 @@ class Present:
 
     def _stored(self) -> float:
         """T + W + G [J] of the present state, under the gravity that was known last."""
-        return sum(self.observer.energies(self._gravity).values())
+        return sum(self._table(self._gravity).values())
+
+    def _table(self, gravity: Any) -> dict[str, float]:
+        """Kinetic, elastic and gravity energy [J] of the present state under `gravity` [m/s²]."""
+        return energy_table(self.system, self.stepper.measure(gravity), gravity)
 
     def _reread(self) -> None:
         for part, body in zip(self.system.parts, self.scene.bodies, strict=True):
@@ -178,7 +183,7 @@ class Present:
         0 on held axes.
         """
         system = self.system
-        force = self.observer.forces()
+        force = self.stepper.forces()
         if self.loading.pressure:  # it follows the surface, so it is that of this very state
             force += external_forces(system.parts, self.time, system.world())
         elif self.loading.loads:
@@ -198,7 +203,7 @@ class Present:
 
     def energies(self) -> dict[str, float]:
         """Kinetic, elastic and gravity energy [J]."""
-        table = self.observer.energies(self.scene.gravity)
+        table = self._table(self.scene.gravity)
         if self.half_step_lag:
             squares = (self.whole_velocities() ** 2).sum(axis=1)
             table["kinetic"] = 0.5 * float(self.system.mass @ squares)
@@ -207,8 +212,10 @@ class Present:
     def present(self) -> tuple[dict[str, float], float]:
         """Energies [J] of the present state, and the power v·f [W] of all conservative forces."""
         if not self.half_step_lag:
-            return self.observer.energies_and_power(self.scene.gravity)
-        f = self.observer.forces()
+            record = self.stepper.measure(self.scene.gravity)
+            table = energy_table(self.system, record, self.scene.gravity)
+            return table, float(record[columns.POWER])
+        f = self.stepper.forces()
         f += self.system.mass[:, None] * np.asarray(self.scene.gravity)
         return self.energies(), float(np.einsum("ij,ij->", self.whole_velocities(), f))
 
@@ -217,7 +224,7 @@ class Present:
         of the last launch.
         """
         record = self.stepper.records(number + 1)[number, 0]
-        return -self.observer.table(record, self.scene.gravity)["gravity"]
+        return -energy_table(self.system, record, self.scene.gravity)["gravity"]
 
     @property
     def parts(self) -> list[Part]:

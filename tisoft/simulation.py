@@ -27,6 +27,7 @@ from tisoft.running import run
 from tisoft.scene import Scene
 from tisoft.step.consistent_mass import residual_share
 from tisoft.step.loading import external_forces
+from tisoft.step.observe import energy_table
 
 Floats = NDArray[np.float64]
 
@@ -134,12 +135,12 @@ class Simulation(Motion):
 
     def forces(self, body: Body | None = None) -> Floats:
         """Elastic, viscous and spring forces [N] in the present state, shape (nodes, 3)."""
-        return self._outside(self.observer.forces(), body)
+        return self._outside(self.stepper.forces(), body)
 
     def reactions(self, body: Body | None = None) -> Floats:
         """Forces of pins on their nodes [N], 0 where nothing is held, shape (nodes, 3)."""
         external = external_forces(self.parts, self.time, self.system.world())
-        internal, held = self.observer.forces(), self.holder.held
+        internal, held = self.stepper.forces(), self.holder.held
         force = reactions(self.system, held, internal, external, self.scene.gravity)
         return self._outside(force, body)
 
@@ -152,7 +153,7 @@ class Simulation(Motion):
         if record is None:
             table = self.energies()
         else:
-            table = self.observer.table(record[0], self.scene.gravity)
+            table = energy_table(self.system, record[0], self.scene.gravity)
         entries: Any = {**table, "dissipated": None, "external_work": None, "error": None}
         if self.account is not None:
             now = self.account.dissipated, self.account.external_work
@@ -203,7 +204,7 @@ class Simulation(Motion):
         """
         if not self.system.consistent:
             return None
-        force = self.observer.forces()
+        force = self.stepper.forces()
         force += self.system.mass[:, None] * np.asarray(self.scene.gravity)
         residual = residual_share(self.system.mass_residual(), force)
         return {"iterations": ITERATIONS[self.precision], "residual": residual}

@@ -143,8 +143,8 @@ def test_the_step_comes_back_when_the_body_has_come_to_rest():
 
 
 def oscillator_beside_a_bar(phase, *, omega=5.0):
-    """A mass on a long spring, hω = 0.25, beside a bar whose stretching after half a second cuts the
-    step of both to a third; the mass starts at this phase of a swing of 1 m.
+    """A mass on a long spring, hω = 0.25, beside a bar whose stretching after half a second cuts
+    the step of both to a third; the mass starts at this phase of a swing of 1 m.
     """
     scene = ts.Scene(gravity=(0, 0, 0), precision="f64", frame_rate=20.0)
     mesh = ts.box(size=(1, 0.5, 0.5), cells=(2, 1, 1))

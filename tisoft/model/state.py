@@ -24,10 +24,14 @@ FRAMES = 64
 A = ti.types.ndarray()
 RANGES = 16
 """Columns of `State.ranges`: first and last node, then first and last part of each block."""
-FIRST, LAST, PASSES, THREADS, LOADED, DONE, TRIPPED, PROBES, PROBE, RECORDS, CHUNKS = range(11)
+ORDERS = (
+    FIRST, LAST, PASSES, THREADS, LOADED, DONE, TRIPPED, PROBES, PROBE, RECORDS, CHUNKS, TASK
+) = tuple(range(12))  # fmt: skip
 """Columns of `State.orders`."""
+MOVE, SUM, PUSH = range(3)
+"""Tasks of a launch: make substeps; sum up the present state; leave its forces in the copies."""
 POWER = 11
-"""Column of a record: v·f [W] of elements and gravity, where `measure` made it."""
+"""Column of a record: v·f [W] of elements and gravity, where the task is SUM."""
 STEP, GRAVITY, MOST_KINETIC, KICK = 0, 1, 4, 5
 """Columns of `State.settings`."""
 OBSTACLE_NUMBERS = 8
@@ -137,7 +141,7 @@ class State:
         """Sums over CHUNK nodes."""
         self.record = field(wide, "records", RECORD)
         """What the last launch's frames came to: a row a frame, then one for each of its probes."""
-        self.orders = field(ti.i32, "scenes", 11)
+        self.orders = field(ti.i32, "scenes", len(ORDERS))
         """What the next launch is to do, and what the last one did; columns above."""
         self.settings = field(wide, "scenes", 6)
         """Step [s], gravity [m/s²], kinetic energy [J] above which a launch stops."""
@@ -150,8 +154,8 @@ class State:
         self.Now = ti.types.struct(
             h=real, kick=real, gravity=vec3, loaded=ti.i32, opens=ti.i32, closes=ti.i32
         )
-        """Of a pass: step [s], seconds through which symplectic Euler's force acts, gravity [m/s²], whether loads act, whether velocity Verlet opens or
-        closes a substep."""
+        """Of a pass: step [s], seconds through which symplectic Euler's force acts, gravity [m/s²],
+        whether loads act, whether velocity Verlet opens or closes a substep."""
         self.Moved = ti.types.struct(
             kick=real, before=vec3, after=vec3, jump=vec3, way=vec3, push=vec3
         )
@@ -335,6 +339,17 @@ class State:
                 self.orders[scene, k] = orders[k]
             for k in range(probes.shape[0]):
                 self.probe[probe + k] = probes[k]
+
+    @ti.kernel
+    def take_forces(self, first: int, out: A):
+        """Read the nodes' forces, viscous shares included, and leave the copies at 0."""
+        ti.loop_config(serialize=self.serial)
+        for k in range(out.shape[0]):
+            for q in range(self.copy_start[first + k], self.copy_start[first + k + 1]):
+                for d in range(3):
+                    out[k, d] += self.force[q][d]
+                    self.force[q][d] = 0.0
+                    self.viscous_force[q][d] = 0.0
 
     @ti.kernel
     def read_record(self, first: int, out: A):

@@ -117,7 +117,7 @@ class System:
             "chunks": -(-self.count // columns.CHUNK),
             "pressures": pressures,
             "probes": len(self._probes),
-            "records": columns.FRAMES * (1 + len(self._probes)),
+            "records": (columns.FRAMES + 1) * (1 + len(self._probes)),
             "scenes": 1,
         }
         self.lease = self._keep(pool.lend(State, self.precision, needs))
@@ -241,7 +241,7 @@ class System:
             row = share.row("parts")
             ranges[2 + 2 * k : 4 + 2 * k] = row, row + share.batches.parts
         ranges[15] = 0 if self.mass_lease is None else self.mass_lease.starts["nodes"]
-        orders = np.zeros(11, np.int32)
+        orders = np.zeros(len(columns.ORDERS), np.int32)
         orders[columns.PASSES] = orders[columns.THREADS] = 1
         orders[columns.PROBES] = len(self._probes)
         orders[columns.PROBE] = self.lease.starts["probes"]

@@ -7,10 +7,10 @@ whose kinetic energy T is twice the highest so far: is it explained?  For that i
     H̃ = T + V + (h/2) v·f,   f = −∂V/∂x,   V elastic and gravity energy,
 
 before and after the frame: what symplectic Euler conserves, where T + V alone swings.  Bodies that
-began at rest, unstrained, and that are no faster than gravity can have made them, explain themselves
-without (elastic energy is never below that of the rest shape).  Above the
-limit H̃ is conserved too, while T and the elastic energy grow without end; so their sum may never
-be more than SWING times what the start and gravity gave (below 0.9 of the limit it swings by
+began at rest, unstrained, and are no faster than gravity can have made them explain themselves
+without it (elastic energy is never below that of the rest shape).  Above the limit H̃ is conserved
+too, while T and the elastic energy grow without end; so their sum may never be more than SWING
+times what the start and gravity gave (below 0.9 of the limit it swings by
 (1 + hω/2)/(1 − hω/2) ≤ 19).  Loads and moved pins give what is not known here: while they act, the
 first two questions must do.
 
@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import astuple, dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 from tisoft.errors import Diverged
 from tisoft.stable.limit import StepLimit
@@ -107,10 +107,10 @@ class Guard:
         self._start: _Energies | None = None
         """Of the state from which on nothing but gravity has done work."""
         self._highest = 0.0
-        """Kinetic energy [J] that has been explained since then."""
+        """Kinetic energy [J] that has been explained so far."""
         self._from_rest = True
-        """Whether gravity has done all work since all bodies were at rest in their rest shapes; that
-        they moved at first counts for nothing."""
+        """Whether gravity has done all work since all bodies were in their rest shapes; that they
+        moved at first counts for nothing."""
 
     def state(self) -> list[float]:
         """What a checkpoint keeps."""
@@ -207,20 +207,23 @@ class Guard:
             highest = scene.limit.accepted()
             if step > highest:
                 return f"the step is above {highest:.3g} s, the limit of the deformed state"
+        kinetic = scene.stepper.kinetic(number)
         if scene.is_driven():
             self.forget()
+            self._highest = max(self._highest, kinetic)
             return None
         if not scene.stepper.tripped:
             return None
-        kinetic = scene.stepper.kinetic(number)
         if self._from_rest and kinetic <= scene.fallen(number):
             self._highest = max(self._highest, kinetic)
             return None
         return self._energy_breach(step, kinetic)
 
     def forget(self) -> None:
-        """Say that energy has come from elsewhere: the present state explains itself."""
-        self._start, self._highest, self._from_rest = None, 0.0, False
+        """Say that energy has come from elsewhere: the present state explains itself.  What moved
+        as fast before is no more suspicious than it was.
+        """
+        self._start, self._from_rest = None, False
 
     def _energy_breach(self, step: float, kinetic: float) -> str | None:
         system = self.scene.stepper.system

@@ -9,7 +9,7 @@ from typing import Any
 
 import taichi as ti
 
-from tisoft.model.state import CHUNK, DONE, FIRST, LAST, PASSES, TRIPPED
+from tisoft.model.state import CHUNK, DONE, FIRST, LAST, MOVE, PASSES, PUSH, SUM, TASK, TRIPPED
 from tisoft.step import consistent_mass, external, forces, record
 from tisoft.step.substep import begin_solve, move_solved, node, now_of
 
@@ -63,10 +63,10 @@ def make_advance(s: Any) -> Any:
     def sum_up(scene: int):
         for chunk in range((s.state.ranges[scene, 1] - s.state.ranges[scene, 0] - 1) // CHUNK + 1):
             record.sum_chunk(s, scene, chunk)
-        if ti.static(s.ledger):
-            for k in ti.static(range(len(s.blocks))):
-                begin, end = s.state.ranges[scene, 2 + 2 * k], s.state.ranges[scene, 3 + 2 * k]
-                for part in range(begin, end):
+        for k in ti.static(range(len(s.blocks))):
+            begin, end = s.state.ranges[scene, 2 + 2 * k], s.state.ranges[scene, 3 + 2 * k]
+            for part in range(begin, end):
+                if s.ledger or s.state.orders[scene, TASK] == SUM:
                     s.blocks[k].energy[part] = record.part_energy(s.blocks[k], s.state, part)
 
     @ti.kernel
@@ -85,13 +85,15 @@ def make_advance(s: Any) -> Any:
     def advance(scene: int) -> None:
         orders = s.state.orders
         passes, last = orders[scene, PASSES], orders[scene, LAST]
+        task = orders[scene, TASK]
         orders[scene, DONE], orders[scene, TRIPPED] = 0, 0
         for number in range(orders[scene, FIRST], last):
-            if number % passes == 0:
+            if task == MOVE and number % passes == 0:
                 save(scene)
             push(scene, number % passes, passes)
-            nodes(scene, number % passes, passes)
-            if (number + 1) % passes == 0:
+            if task == MOVE:
+                nodes(scene, number % passes, passes)
+            if task != PUSH and (number + 1) % passes == 0:
                 sum_up(scene)
                 write(scene, (number + 1) // passes - 1)
                 if orders[scene, TRIPPED]:

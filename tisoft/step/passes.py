@@ -13,7 +13,7 @@ from typing import Any
 
 import taichi as ti
 
-from tisoft.model.state import DONE, FIRST, LAST, PASSES, THREADS, TRIPPED
+from tisoft.model.state import DONE, FIRST, LAST, MOVE, PASSES, PUSH, TASK, THREADS, TRIPPED
 from tisoft.step import consistent_mass, external, forces, record
 from tisoft.step.substep import begin_solve, move_solved, node, now_of
 
@@ -68,12 +68,12 @@ def walk(s: ti.template(), scene, t, threads):
     """All passes of the launch, as thread t of `threads` sees them."""
     low, high = s.state.ranges[scene, 0], s.state.ranges[scene, 1]
     first, last = share(low, high, t, threads), share(low, high, t + 1, threads)
-    passes = s.state.orders[scene, PASSES]
+    passes, task = s.state.orders[scene, PASSES], s.state.orders[scene, TASK]
     number, end = s.state.orders[scene, FIRST], s.state.orders[scene, LAST]
     phase = 0
     while number < end:
         now = now_of(s, scene, number % passes, passes)
-        if number % passes == 0:
+        if task == MOVE and number % passes == 0:
             for i in range(first, last):
                 record.save(s.state, i)
         for k in ti.static(range(len(s.blocks))):
@@ -85,15 +85,16 @@ def walk(s: ti.template(), scene, t, threads):
                 external.press(s.state, i)
         phase += 1
         meet(s, scene, phase, threads)
-        if ti.static(s.consistent):
-            phase = solve(s, scene, t, threads, phase, now)
-        else:
-            for i in range(first, last):
-                node(s, i, now)
+        if task == MOVE:
+            if ti.static(s.consistent):
+                phase = solve(s, scene, t, threads, phase, now)
+            else:
+                for i in range(first, last):
+                    node(s, i, now)
         phase += 1
         meet(s, scene, phase, threads)
         number += 1
-        if number % passes == 0:
+        if task != PUSH and number % passes == 0:
             record.sum_up(s, scene, t, threads)
             phase += 1
             meet(s, scene, phase, threads)

@@ -4,10 +4,9 @@
     T = Σ m |v|²/2   (consistent mass: vᵀM v/2),   Σ m u,   W = Σ V Ψ + Σ k e²/2,   Σ v·f
 
 Nodes are summed in chunks and elements in parts, each by one thread; then one thread adds chunks
-and parts up in order.  W is computed where a ledger is kept.
+and parts up in order.  W is computed where a ledger is kept, or where that is the launch's task,
+with the power v·f of the elements' forces and gravity.
 """
-
-from typing import Any
 
 import taichi as ti
 
@@ -22,6 +21,8 @@ from tisoft.model.state import (
     PROBES,
     RECORD,
     RECORDS,
+    SUM,
+    TASK,
     TRIPPED,
 )
 from tisoft.step import forces
@@ -54,10 +55,11 @@ def add(s: ti.template(), row, column: ti.template(), value):
 
 @ti.func
 def sum_chunk(s: ti.template(), scene, chunk):
-    """Sums over a chunk of nodes into its row of state.sums.  Reads u, v, masses, work."""
+    """Sums over a chunk of nodes into its row of state.sums.  Reads u, v, masses, work, copies."""
     low = s.state.ranges[scene, 0] + chunk * CHUNK
     back = s.state.ranges[scene, 15] - s.state.ranges[scene, 0]
     row = s.state.orders[scene, CHUNKS] + chunk
+    gravity = ti.Vector([s.state.settings[scene, GRAVITY + d] for d in range(3)])
     for c in range(RECORD):
         s.state.sums[row, c] = 0.0
     for i in range(low, ti.min(low + CHUNK, s.state.ranges[scene, 1])):
@@ -72,6 +74,12 @@ def sum_chunk(s: ti.template(), scene, chunk):
         if ti.static(s.ledger):
             add(s, row, 5, s.state.work[i][0])
             add(s, row, 6, s.state.work[i][1])
+        if s.state.orders[scene, TASK] == SUM:
+            f = forces.total(s.state, i)
+            if ti.static(s.ledger):
+                forces.viscous_total(s.state, i)
+            for d in ti.static(range(3)):
+                add(s, row, POWER, v[d] * (f[d] + mass * gravity[d]))
 
 
 @ti.func
@@ -90,7 +98,7 @@ def sum_up(s: ti.template(), scene, t, threads):
     chunks = (high - low + CHUNK - 1) // CHUNK
     for chunk in range(chunks * t // threads, chunks * (t + 1) // threads):
         sum_chunk(s, scene, chunk)
-    if ti.static(s.ledger):
+    if s.ledger or s.state.orders[scene, TASK] == SUM:
         for k in ti.static(range(len(s.blocks))):
             begin, end = s.state.ranges[scene, 2 + 2 * k], s.state.ranges[scene, 3 + 2 * k]
             size = end - begin
@@ -113,7 +121,7 @@ def write(s: ti.template(), scene, number):
         for chunk in range(first, first + (high - low + CHUNK - 1) // CHUNK):
             total += s.state.sums[chunk, c]
         s.state.record[row, c] = total
-    if ti.static(s.ledger):
+    if s.ledger or s.state.orders[scene, TASK] == SUM:
         total = ti.cast(0.0, s.state.wide)
         for k in ti.static(range(len(s.blocks))):
             for part in range(s.state.ranges[scene, 2 + 2 * k], s.state.ranges[scene, 3 + 2 * k]):
@@ -128,68 +136,3 @@ def write(s: ti.template(), scene, number):
     s.state.orders[scene, DONE] = number + 1
     if not (kinetic <= s.state.settings[scene, MOST_KINETIC]) or not (size - size == 0.0):
         s.state.orders[scene, TRIPPED] = 1
-
-
-def make_measure(s: Any, alone: bool) -> Any:
-    """The kernel measure(scene): sums of the present state into the first record, and the power
-    v·f [W] of the elements' forces and gravity into its last column; `alone`: on the caller's
-    thread.
-    """
-
-    @ti.kernel
-    def measure(scene: int):
-        for number, block in ti.static(tuple(enumerate(s.blocks))):
-            ti.loop_config(serialize=alone, block_dim=1)
-            begin = s.state.ranges[scene, 2 + 2 * number]
-            for part in range(begin, s.state.ranges[scene, 3 + 2 * number]):
-                block.energy[part] = part_energy(block, s.state, part)
-                for b in range(block.part_start[part], block.part_start[part + 1]):
-                    forces.batch(block, s.state, False, b)
-        ti.loop_config(serialize=alone)
-        for chunk in range((s.state.ranges[scene, 1] - s.state.ranges[scene, 0] - 1) // CHUNK + 1):
-            sum_chunk(s, scene, chunk)
-            sum_power(s, scene, chunk)
-        ti.loop_config(serialize=alone)
-        for _ in range(1):
-            write(s, scene, 0)
-
-    return measure
-
-
-@ti.func
-def sum_power(s: ti.template(), scene, chunk):
-    """v·f [W] over a chunk of nodes, from the copies of their forces."""
-    low = s.state.ranges[scene, 0] + chunk * CHUNK
-    row = s.state.orders[scene, CHUNKS] + chunk
-    gravity = ti.Vector([s.state.settings[scene, GRAVITY + d] for d in range(3)])
-    for i in range(low, ti.min(low + CHUNK, s.state.ranges[scene, 1])):
-        f, v = forces.total(s.state, i), s.state.velocity[i]
-        mass = ti.cast(1.0, s.state.wide) / s.state.inverse_mass[i]
-        for d in ti.static(range(3)):
-            add(s, row, POWER, v[d] * (f[d] + mass * gravity[d]))
-
-
-def make_forces(s: Any, alone: bool) -> Any:
-    """The kernel total(scene, first, viscous, out): forces of all elements on the nodes [N].
-
-    `alone`: on the caller's thread.
-    """
-
-    @ti.kernel
-    def total(scene: int, first: int, viscous: int, out: ti.types.ndarray()):
-        for number, block in ti.static(tuple(enumerate(s.blocks))):
-            ti.loop_config(serialize=alone, block_dim=1)
-            begin = s.state.ranges[scene, 2 + 2 * number]
-            for part in range(begin, s.state.ranges[scene, 3 + 2 * number]):
-                for b in range(block.part_start[part], block.part_start[part + 1]):
-                    forces.batch(block, s.state, True, b)
-        ti.loop_config(serialize=alone)
-        for k in range(out.shape[0]):
-            f = forces.total(s.state, first + k)
-            lost = forces.viscous_total(s.state, first + k)
-            if viscous == 0:
-                f -= lost
-            for d in ti.static(range(3)):
-                out[k, d] = f[d]
-
-    return total

@@ -146,6 +146,38 @@ class Stepper:
             self.pace.took(threads, max(spent, 0.0) / now)
         return done + now
 
+    def measure(self, gravity: Any) -> NDArray[np.float64]:
+        """Sums of the present state, shape (RECORD,), with the power v·f [W] of the elements'
+        forces and `gravity` [m/s²].
+        """
+        for d in range(3):
+            self.system.order("settings", columns.GRAVITY + d, float(gravity[d]))
+        self._observe(columns.SUM)
+        return self._rows(columns.FRAMES, 1)[0, 0]
+
+    def forces(self) -> NDArray[np.float64]:
+        """Elastic, viscous and spring forces [N] on each node, internal order, (nodes, 3)."""
+        self._observe(columns.PUSH)
+        out = np.zeros((self.system.count, 3), self.system.real)
+        self.system.state.take_forces(self.system.first, out)
+        return out.astype(np.float64)
+
+    def _observe(self, task: int) -> None:
+        """One pass that moves nothing, on one thread: others would have to be called for it.  What
+        it tells goes behind the records of frames.
+        """
+        self.system.check_alive()
+        for column, value in (
+            (columns.PASSES, 1),
+            (columns.FIRST, columns.FRAMES),
+            (columns.LAST, columns.FRAMES + 1),
+            (columns.THREADS, 1),
+            (columns.TASK, task),
+        ):
+            self.system.order("orders", column, value)
+        self._advance(self.system.scene)
+        self.system.order("orders", columns.TASK, columns.MOVE)
+
     def compile(self) -> None:
         """Compile the kernel by a launch of no substep."""
         self.system.order("orders", columns.FIRST, 0)
@@ -182,11 +214,15 @@ class Stepper:
 
     def records(self, count: int) -> NDArray[np.float64]:
         """Records of the first `count` stretches made last, shape (count, 1 + probes, RECORD)."""
+        return self._rows(0, count)
+
+    def _rows(self, first: int, count: int) -> NDArray[np.float64]:
+        """So many records from number `first` on."""
         system = self.system
         rows = system.record_rows
         wide = np.float64 if runtime.has_f64() else np.float32
         out = np.zeros((count * rows, columns.RECORD), wide)
-        system.state.read_record(system.lease.starts["records"], out)
+        system.state.read_record(system.lease.starts["records"] + first * rows, out)
         return out.astype(np.float64).reshape(count, rows, columns.RECORD)
 
     def save(self) -> None:
