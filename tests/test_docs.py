@@ -16,6 +16,12 @@ from tisoft.commands.demo import shipped
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+OTHERS = [
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "CHANGELOG.md",
+    *sorted((ROOT / "docs/tasks").glob("*.md")),
+]
+"""Pages whose blocks are run elsewhere, or which have none."""
 BLOCK = re.compile(r"^```(.*?)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 BODY = """
 [[body]]
@@ -85,7 +91,7 @@ def test_no_page_has_a_block_of_another_kind():
 
 
 def test_links_between_the_pages_lead_somewhere():
-    for page in PAGES:
+    for page in [*PAGES, *OTHERS]:
         for link in re.findall(r"\]\((?!http)([^)#]+)", page.read_text(encoding="utf-8")):
             assert (page.parent / link).exists(), f"{page.name}: {link}"
 
@@ -101,3 +107,17 @@ def test_ci_runs_the_test_command_of_the_readme():
     _, tests = shell.strip().splitlines()
     assert tests in (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()
     assert "/usr/bin/env bash" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+
+
+def test_the_set_up_of_contributors_is_that_of_the_readme():
+    (block,) = BLOCK.findall(OTHERS[0].read_text(encoding="utf-8"))
+    assert block[1] in PAGES[0].read_text(encoding="utf-8")
+
+
+def test_the_citation_is_of_this_version():
+    text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    version = re.search(r'^version = "(.+)"$', (ROOT / "pyproject.toml").read_text(), re.MULTILINE)[
+        1
+    ]
+    assert f"\nversion: {version}\n" in text
+    assert f"## {version}" in OTHERS[1].read_text(encoding="utf-8")

@@ -21,8 +21,10 @@ SELECTIONS = {f"where.{name}": getattr(ts.where, name) for name in (
     "box", "everything", "named_set", "nearest", "nodes", "plane", "region",
 )}  # fmt: skip
 NAMES = {**{n: getattr(ts, n) for n in ts.__all__ if n != "where"}, **RETURNED, **SELECTIONS}
-PLAIN = {"poisson", "damping_ratio", "friction", "load_factor", "strain", "volume_ratio", "least_ratio",
-         "weights", "up", "normal", "axis"}  # fmt: skip
+PLAIN = {
+    *("poisson", "damping_ratio", "friction", "load_factor", "strain", "volume_ratio"),
+    *("least_ratio", "weights", "up", "normal", "axis"),
+}
 """Numbers without a unit."""
 
 

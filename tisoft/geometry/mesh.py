@@ -182,12 +182,12 @@ class SpringNet:
 
     @property
     def cells(self) -> dict[str, Ints]:
-        """No cells: of every kind shape (0, corners)."""
+        """None, of whatever kind and shape."""
         return {}
 
     @property
     def elements(self) -> int:
-        """No cells: of every kind shape (0, corners)."""
+        """None."""
         return 0
 
     @cached_property
