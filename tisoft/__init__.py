@@ -11,10 +11,12 @@ os.environ.setdefault("TI_ENABLE_PYBUF", "0")
 if TYPE_CHECKING:
     from tisoft import where
     from tisoft.errors import Diverged, MeshError, NoEquilibrium, SceneError, TisoftError
+    from tisoft.geometry.cage import cage
     from tisoft.geometry.files import read_mesh
     from tisoft.geometry.mesh import SpringNet, TetMesh, tet_mesh
     from tisoft.geometry.shapes import ball, box, cloth, cylinder, grid, net
     from tisoft.geometry.skin import Skin, read_skin, skin
+    from tisoft.geometry.surface import read_surface
     from tisoft.models.materials import (
         Linear,
         MassSpring,
@@ -44,16 +46,18 @@ __all__ = [
     "Body", "Box", "Camera", "Diverged", "Frame", "Linear", "Load", "MassSpring", "MassTensor",
     "MeshError", "NeoHookean", "NoEquilibrium", "Pin", "Plane", "Probe", "RegionMaterial", "Render",
     "Scene", "SceneError", "Simulation", "Skin", "Sphere", "SpringNet", "TetMesh", "TisoftError",
-    "Torque", "Turn", "ViscoElastic", "ball", "box", "cloth", "cylinder", "grid", "load_scene",
-    "net", "read_mesh", "read_skin", "skin", "tet_mesh", "where",
+    "Torque", "Turn", "ViscoElastic", "ball", "box", "cage", "cloth", "cylinder", "grid",
+    "load_scene", "net", "read_mesh", "read_skin", "read_surface", "skin", "tet_mesh", "where",
 ]  # fmt: skip
 
 _HOMES = {
     "tisoft.errors": ("Diverged", "MeshError", "NoEquilibrium", "SceneError", "TisoftError"),
+    "tisoft.geometry.cage": ("cage",),
     "tisoft.geometry.files": ("read_mesh",),
     "tisoft.geometry.mesh": ("SpringNet", "TetMesh", "tet_mesh"),
     "tisoft.geometry.shapes": ("ball", "box", "cloth", "cylinder", "grid", "net"),
     "tisoft.geometry.skin": ("Skin", "read_skin", "skin"),
+    "tisoft.geometry.surface": ("read_surface",),
     "tisoft.models.materials": ("Linear", "MassSpring", "MassTensor", "NeoHookean", "ViscoElastic"),
     "tisoft.region_material": ("RegionMaterial",),
     "tisoft.scene": (

@@ -58,6 +58,9 @@ class Body:
     skin: Skin | None = None
 
     def __post_init__(self) -> None:
+        cage = getattr(self.mesh, "cage", None)
+        if self.skin is None and cage is not None:
+            self.skin = cage.skin
         self.validate()
 
     def pin(

@@ -62,9 +62,8 @@ class Present:
         self.wall_seconds = 0.0
         self._compiled = runtime.compile_seconds
         with np.errstate(all="ignore"):  # what leaves the range of floats is refused by name
-            probes = [
-                (scene.bodies.index(b), node) for b, node in map(scene.probed_node, scene.probes)
-            ]
+            self.probed = [scene.probed(probe) for probe in scene.probes]
+            probes = [(scene.bodies.index(p.body), int(row)) for p in self.probed for row in p.rows]
             bodies = [damped_body(body) for body in scene.bodies]
             self.system = System(bodies, precision, probes)
             check_range(self.system, scene)

@@ -19,8 +19,8 @@ from tisoft.loads import Load, Torque
 from tisoft.models.materials import Model
 from tisoft.obstacles import Box, Obstacle, Plane, Sphere
 from tisoft.pins import Pin, Turn
+from tisoft.probed import Probed, probed
 from tisoft.scene_parts import Camera, Probe, Render
-from tisoft.where import Nearest, Nodes
 
 __all__ = [
     "Body",
@@ -122,7 +122,7 @@ class Scene:
         """
         place: dict[str, Any] = {"point": point, "node": node}  # Probe makes a tuple of the point
         probe = Probe(name, body.name if isinstance(body, Body) else body, **place)
-        self.probed_node(probe)
+        self.probed(probe)
         if name in {other.name for other in self.probes}:
             raise FieldError("name", "is another probe's name too; choose another", name)
         self.probes.append(probe)
@@ -137,19 +137,11 @@ class Scene:
         hint = checks.suggestion(name, known) if known else "the scene has no bodies yet"
         raise FieldError("body", f"names no body of the scene; {hint}", name)
 
-    def probed_node(self, probe: Probe) -> tuple[Body, int]:
-        """The body that a probe looks at and the row of its `mesh.points` that it follows; raises
-        SceneError for a node that is not there.
+    def probed(self, probe: Probe) -> Probed:
+        """What a probe follows: a node, or a point of the surface that its body carries; raises
+        SceneError for a body or a node that is not there.
         """
-        body = self.body(probe.body)
-        mesh = body.mesh
-        if probe.point is not None:
-            return body, int(Nearest(probe.point).select(mesh.points)[0])
-        assert probe.node is not None
-        try:
-            return body, int(Nodes((probe.node,)).rows_in(mesh)[0])
-        except FieldError as error:
-            raise FieldError("node", error.problem, probe.node) from None
+        return probed(self.body(probe.body), probe)
 
     def validate(self) -> None:
         """Check the whole scene again, as before it runs.
@@ -168,7 +160,7 @@ class Scene:
                 _check_obstacle(obstacle)
         for i, probe in enumerate(self.probes):
             with inside(f"probe[{i}]"):
-                self.probed_node(probe)
+                self.probed(probe)
         if self.camera.follow is not None:
             with inside("camera"):
                 self._check_follow(self.camera.follow)

@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from tisoft import checks
+from tisoft import checks, scene_cage
 from tisoft.checks import FieldError, inside, joined
 from tisoft.errors import MeshError
 from tisoft.geometry import shapes
@@ -135,13 +135,21 @@ def build_mesh(table: Any, field: str, folder: Path, model: Model) -> Mesh:
     Raises:
         FieldError: the key with its path, its value, and what to do.
     """
-    check_keys(table, field, (*SOURCES, *TRANSFORM, "merge", "element"))
+    check_keys(table, field, (*SOURCES, *TRANSFORM, "merge", "cage", "element"))
     source = checks.exactly_one(field, {key: table.get(key) for key in SOURCES})
     with inside(field):
         transform = _transform(table)
         merge = _merge(table, source)
+    cells = None
+    if "cage" in table:
+        cells = scene_cage.cage_keys(table["cage"], joined(field, "cage"))
     path = joined(field, source)
     try:
+        if cells and source == "file" and scene_cage.is_surface(table["file"]):
+            mesh = _read(
+                path, table["file"], folder, lambda f: scene_cage.cage_of_file(f, cells, transform)
+            )
+            return mesh if {"scale", "units"} & table.keys() else _questioned(mesh)
         if source == "file":
             mesh = _read(path, table["file"], folder, _read_mesh)
         elif source == "points":
@@ -156,13 +164,19 @@ def build_mesh(table: Any, field: str, folder: Path, model: Model) -> Mesh:
         if merge is not False:
             path = field
             mesh = merged(mesh, None if merge is True else merge)
+        if cells:
+            path = joined(field, "cage")
+            mesh = scene_cage.cage_of_mesh(mesh, cells)
         if "element" in table:
             path = joined(field, "element")
             mesh = _of_element(path, table["element"], mesh)
         return mesh
     except MeshError as error:
         told = str(error).removeprefix(f"{folder / str(table[source])}: ")
-        raise FieldError(path, f"is no usable mesh: {told}", table[source]) from None
+        if source == "file" and not cells and scene_cage.is_surface(table["file"]):
+            told += "; or give cage = { cells_across = 6 } beside it, which puts hexes around it"
+        problem = f"makes no cage: {told}" if cells else f"is no usable mesh: {told}"
+        raise FieldError(path, problem, table["cage" if cells else source]) from None
 
 
 ELEMENTS = ("tet4", "tet10", "hex8")

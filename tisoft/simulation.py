@@ -23,6 +23,7 @@ from tisoft.measures.measures import Measures
 from tisoft.model.mass import ITERATIONS
 from tisoft.model.part import Part
 from tisoft.motion import Motion
+from tisoft.probed import places_of
 from tisoft.running import run
 from tisoft.scene import Scene
 from tisoft.step.consistent_mass import residual_share
@@ -163,7 +164,7 @@ class Simulation(Motion):
     def probe_positions(self, record: Floats | None = None) -> Floats:
         """World positions of the scene's probes [m], shape (probes, 3), now or in a record."""
         u = self.system.probe_motion()[0] if record is None else record[1:, :3]
-        return self.system.probe_origins() + u
+        return places_of(self.probed, self.system.probe_origins() + u)
 
     @property
     def ledger(self) -> bool:

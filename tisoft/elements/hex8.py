@@ -490,6 +490,29 @@ class Hex8(Hexahedron):
         return np.concatenate(flat, axis=1)
 
     @staticmethod
+    def filled(points: Floats, cells: NDArray[np.integer], moments: Floats) -> Floats:
+        """`rest` of cells of a lattice that are filled in part, shape (cells, 46).
+
+        With s_i ê_i the slopes of the local axes, m the means over the filled part,
+        β_k = Σ_{i in k} s_i ê_i m(the other axes of k)/8 is its mean gradient; V = φ V_cell.
+
+        Args:
+            points, cells: as of `rest`.
+            moments: φ; means of ξ, η, ζ; of ηζ, ξζ, ξη over the filled part, shape (cells, 7).
+        """
+        rest = Hex8.rest(points, cells)
+        rest[:, 3] *= moments[:, 0]
+        beta = rest[:, 4:25].reshape(-1, 7, 3)
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            slope = beta[:, (1 << i) - 1].copy()
+            beta[:, (1 << i | 1 << j) - 1] += slope * moments[:, 1 + j, None]
+            beta[:, (1 << i | 1 << k) - 1] += slope * moments[:, 1 + k, None]
+            beta[:, 6] += slope * moments[:, 4 + i, None]
+        rest[:, 4:25] = beta.reshape(-1, 21)
+        return rest
+
+    @staticmethod
     def means(rest: Floats) -> Floats:
         """β_1..7 [1/m], shape (cells, 7, 3)."""
         return rest[:, 4:25].reshape(-1, 7, 3)

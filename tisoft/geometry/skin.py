@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from tisoft.errors import MeshError
 from tisoft.geometry.checks import check_finite, check_range, index_rows, positions
-from tisoft.geometry.files.quiet import no_surprises
 from tisoft.geometry.mesh import TetMesh, moved
+from tisoft.geometry.surface import read_surface
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -27,26 +27,25 @@ NEIGHBOURS = (8, 64)
 more where none of those holds it."""
 FARTHEST = 1.0
 """Of a point outside of its tet, in heights of the tet."""
-SUFFIXES = (".obj", ".off", ".ply", ".stl")
 
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """Triangles between points that a mesh's nodes carry; made by `skin`."""
+    """Triangles between points that a mesh's nodes carry; made by `skin`, or by `cage`."""
 
     triangles: Ints
     """Points of each triangle, shape (triangles, 3), outward."""
     corners: Ints
-    """Nodes that carry each point, shape (points, 4)."""
+    """Nodes that carry each point, shape (points, corners)."""
     weights: Floats
-    """Their shares, shape (points, 4); each row sums to 1."""
+    """Their shares, shape (points, corners); each row sums to 1."""
 
     def carried(self, values: Floats) -> Floats:
         """Values at the nodes, shape (nodes, …), carried over to the points: positions [m] too."""
         from scipy.sparse import csr_matrix  # SciPy is slow to import
 
-        count, nodes = len(self.corners), len(values)
-        starts = np.arange(0, 4 * count + 1, 4)
+        (count, width), nodes = self.corners.shape, len(values)
+        starts = np.arange(0, width * count + 1, width)
         matrix = csr_matrix(
             (self.weights.ravel(), self.corners.ravel(), starts), shape=(count, nodes)
         )
@@ -113,38 +112,15 @@ def read_skin(
     rotate: Sequence[float] = (0.0, 0.0, 0.0),
     translate: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> Skin:
-    """The surface of a file (.obj, .off, .ply, .stl), scaled, turned about x, y and z [degrees] and
-    moved [m], and carried by the tets of a mesh.
+    """The surface of a file (.obj, .off, .ply, .stl, .vtp), scaled, turned about x, y and z
+    [degrees] and moved [m], and carried by the tets of a mesh.
 
     Raises:
         MeshError: one sentence that names the file.
     """
     path = Path(path)
     try:
-        points, triangles = _surface(path)
+        points, triangles = read_surface(path)
         return skin(mesh, moved(points, scale, rotate, translate), triangles)
     except MeshError as error:
         raise MeshError(f"{path}: {error}") from error.__cause__
-
-
-def _surface(path: Path) -> tuple[Floats, NDArray[np.int64]]:
-    """Points and triangles; polygons are cut into triangles, points in one place are joined."""
-    import meshio
-
-    if path.suffix.lower() not in SUFFIXES:
-        raise MeshError(f"a skin is a surface: give one of {', '.join(SUFFIXES)}")
-    if not path.is_file():
-        raise MeshError("there is no such file; check the path")
-    with no_surprises(path):
-        read = meshio.read(path)
-        points = np.asarray(read.points, np.float64)
-        polygons = [np.asarray(b.data) for b in read.cells if b.data.shape[1] >= 3]
-        fans = [p[:, [0, k, k + 1]] for p in polygons for k in range(1, p.shape[1] - 1)]
-    triangles = np.concatenate([np.zeros((0, 3), np.int64), *fans])
-    if not len(triangles):
-        raise MeshError("a skin needs at least one triangle, and this file has none")
-    check_range(triangles, "triangle", len(points))
-    _, first, index = np.unique(points, axis=0, return_index=True, return_inverse=True)
-    triangles = index.reshape(-1)[triangles]
-    used, triangles = np.unique(triangles, return_inverse=True)
-    return points[first][used], triangles.reshape(-1, 3)

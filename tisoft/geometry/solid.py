@@ -26,6 +26,7 @@ from tisoft.geometry.groups import NodeSet, Region
 from tisoft.geometry.moving import moved
 
 if TYPE_CHECKING:
+    from tisoft.geometry.cage.build import Cage
     from tisoft.geometry.mesh import TetMesh
 
 Floats = NDArray[np.float64]
@@ -76,6 +77,8 @@ class SolidMesh:
     """What looks like a slip of its user, each the rest of a sentence about the body."""
     joined: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 2), np.int64))
     """Nodes merged into others: number in the file, and row of `points`, shape (merged, 2)."""
+    cage: Cage | None = None
+    """What the cells are filled with, where they are a lattice around a surface."""
     checked: InitVar[bool] = False
     """Points and cells come from a mesh, or have been checked as those of a mesh are."""
 
@@ -116,7 +119,8 @@ class SolidMesh:
     def volumes(self) -> Floats:
         """Rest volume of each cell [m³], shape (elements,)."""
         found = [point_volumes(word, self.points[rows]) for word, rows in self.cells.items()]
-        return np.concatenate([own.sum(axis=1) for own in found])
+        whole = np.concatenate([own.sum(axis=1) for own in found])
+        return whole if self.cage is None else whole * self.cage.moments[:, 0]
 
     @cached_property
     def edges(self) -> Ints:

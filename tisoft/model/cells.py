@@ -5,15 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tisoft import elements
-from tisoft.geometry.mesh import Mesh
+from tisoft.elements.matrices import AT_ONCE, top
+from tisoft.geometry.cells import LATTICE
+from tisoft.geometry.mesh import Mesh, SolidMesh
 from tisoft.geometry.topology import morton_order
 from tisoft.models.materials import SolidModel
+
+if TYPE_CHECKING:
+    from tisoft.geometry.cage.build import Cage
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -37,6 +42,9 @@ class Cells:
     """Number of the model among those of the body (`Body.materials`)."""
     place: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
     """Batch · lanes + lane of each cell in its block."""
+    shares: Floats | None = None
+    """Mass of each corner over the density [m³], shape (cells, corners), where it is not an equal
+    share of the volume."""
     _known: dict[tuple[str, float, float], Floats] = field(default_factory=dict)
 
     @cached_property
@@ -90,11 +98,20 @@ class Cells:
         omega2 = scale * self._of("frequency", *elastic)
         zero = np.zeros(len(omega2))
         damping = scale * self._of("frequency", *rate) if viscous else zero
-        columns = [omega2, damping, scale * self._spread, self.volume]
+        lighter = self._lighter
+        columns = [omega2, damping, scale * lighter * self._spread, self.volume]
         if self.element.known > len(columns):
-            more = self._of("swinging", *elastic)
-            columns += [scale * more, scale * self._of("swinging", *rate) if viscous else 0 * more]
+            more = lighter[:, None] * self._of("swinging", *elastic)
+            slow = lighter[:, None] * self._of("swinging", *rate) if viscous else 0 * more
+            columns += [scale * more, scale * slow]
         return np.column_stack(columns)
+
+    @property
+    def _lighter(self) -> Floats:
+        """How many times lighter than an equal share each cell's lightest corner is."""
+        if self.shares is None:
+            return np.ones(len(self.volume))
+        return np.asarray(self.volume / self.shares.shape[1] / self.shares.min(axis=1))
 
     def _of(self, name: str, lam: float, mu: float) -> Floats:
         """A function of the element that is proportional to its constants: found once for each
@@ -103,8 +120,22 @@ class Cells:
         unit = (lam / mu, 1.0) if mu > 0.0 else (1.0, 0.0)
         key = name, round(unit[0], 12), unit[1]
         if key not in self._known:
-            self._known[key] = getattr(self.element, name)(self.rest, *unit)
+            self._known[key] = self._found(name, *unit)
         return (mu if mu > 0.0 else lam) * self._known[key]
+
+    def _found(self, name: str, lam: float, mu: float) -> Floats:
+        if name != "frequency" or self.shares is None:
+            return np.asarray(getattr(self.element, name)(self.rest, lam, mu), np.float64)
+        root = np.repeat(1.0 / np.sqrt(self.shares), 3, axis=1)
+        found = [
+            top(
+                root[own, :, None]
+                * self.element.matrices(self.rest[own], lam, mu)
+                * root[own, None]
+            )
+            for own in np.array_split(np.arange(len(root)), 1 + len(root) // AT_ONCE)
+        ]
+        return np.concatenate(found)
 
     @cached_property
     def _spread(self) -> Floats:
@@ -121,6 +152,9 @@ def cells_of(
     `mesh.points`, `center`: of the rest points [m], `materials`: as of `Body.materials`.
     """
     models, number = materials
+    lattice = getattr(mesh, "cage", None)
+    if lattice is not None:
+        return [_cells_of_cage(mesh, center, rank, models[0])]
     found, begun = [], 0
     for word, rows in mesh.cells.items():
         order = morton_order(mesh.points[rows].mean(axis=1))
@@ -134,3 +168,37 @@ def cells_of(
             found.append(Cells(element, cells, rest, mine + begun, model, int(material)))
         begun += len(rows)
     return found
+
+
+def _cells_of_cage(mesh: Mesh, center: Floats, rank: NDArray[np.int64], model: Any) -> Cells:
+    """The cells of a lattice that a surface fills in part."""
+    from tisoft.elements.hex8 import Hex8
+
+    assert isinstance(mesh, SolidMesh) and mesh.cage is not None
+    cage = mesh.cage
+    rows = mesh.cells["hex8"][:, LATTICE]
+    order = morton_order(mesh.points[rows].mean(axis=1))
+    own = rows[order]
+    rest = Hex8.filled(mesh.points - center, own, cage.moments[order])
+    shares = _shares(rest, own, cage)
+    return Cells(Hex8, rank[own].astype(np.int32), rest, order, model, shares=shares)
+
+
+def _shares(rest: Floats, nodes: NDArray[np.integer], cage: Cage) -> Floats:
+    """Mass of each node over the density [m³] split among its cells, shape (cells, 8).
+
+    Any split bounds the frequency by that of the cells alone (Irons and Treharne 1971); one in
+    proportion to the stiffness of the corners, Σ_q V |b_a|² and the hourglass modes' own, is close.
+    """
+    from tisoft.elements.hex8 import Hex8
+
+    volume = rest[:, 3]
+    mass = np.bincount(nodes.ravel(), np.repeat(volume / 8.0, 8), len(cage.factor)) * cage.factor
+    stiff = np.concatenate(
+        [
+            np.einsum("eaiai->ea", Hex8.matrices(part, 1.0, 1.0).reshape(-1, 8, 3, 8, 3))
+            for part in np.array_split(rest, 1 + len(rest) // AT_ONCE)
+        ]
+    )
+    total = np.bincount(nodes.ravel(), stiff.ravel(), len(mass))
+    return np.asarray(stiff * (mass / total)[nodes])

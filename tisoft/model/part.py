@@ -209,6 +209,9 @@ class Part:
         for cells in self.solids:
             each = cells.masses.ravel()
             self.mass += np.bincount(cells.nodes.ravel(), each, minlength=len(self.order))
+        cage = getattr(self.body.mesh, "cage", None)
+        if cage is not None:
+            self.mass *= cage.factor[self.order]
 
 
 def parts_of(bodies: list[Body]) -> list[Part]:

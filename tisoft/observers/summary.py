@@ -55,13 +55,13 @@ def probes(sim: Simulation) -> dict[str, dict[str, Any]]:
     """Where each probe is: the file's number of its node, position, displacement, velocity."""
     found: dict[str, dict[str, Any]] = {}
     for probe in sim.scene.probes:
-        body, node = sim.scene.probed_node(probe)
-        position = sim.positions(body)[node]
+        own = sim.scene.probed(probe)
+        position = own.at(sim.positions(own.body))
         found[probe.name] = {
-            "node": int(body.mesh.kept_nodes[node]),
+            "node": own.number,
             "position": position.tolist(),
-            "displacement": (position - body.mesh.points[node]).tolist(),
-            "velocity": sim.velocities(body)[node].tolist(),
+            "displacement": (position - own.at(own.body.mesh.points)).tolist(),
+            "velocity": own.at(sim.velocities(own.body)).tolist(),
         }
     return found
 

@@ -56,6 +56,40 @@ def read_vtu(data: bytes) -> Content:
     return content
 
 
+def read_vtp(data: bytes) -> tuple[Array, Array, Array]:
+    """Points [m], corners and ends of the polygons of a VTK XML file of PolyData, all its pieces.
+
+    Raises MeshError where its counts contradict each other, and where it is another data set.
+    """
+    file = _File(data)
+    surface = file.root.find("PolyData")
+    if surface is None:
+        raise MeshError(f"it holds a {file.root.get('type', 'nothing')}, no surface (PolyData)")
+    points, corners, ends = [np.empty((0, 3))], [np.empty(0, np.int64)], [np.empty(0, np.int64)]
+    first = used = 0
+    for piece in surface.findall("Piece"):
+        if piece.get("NumberOfStrips", "0").strip() not in ("", "0"):
+            raise MeshError("it holds strips of triangles; save them as polygons")
+        nodes, count = _count(piece, "NumberOfPoints"), _count(piece, "NumberOfPolys")
+        found = {tag.get("Name", "").lower(): tag for tag in piece.findall("Polys/DataArray")}
+        place = piece.find("Points/DataArray")
+        if not nodes or not count:
+            continue
+        if place is None or not {"connectivity", "offsets"} <= found.keys():
+            raise MeshError("a piece lacks its points or polygons; the file is damaged")
+        points.append(file.array(place, 3 * nodes).astype(np.float64).reshape(-1, 3))
+        own_ends = file.array(found["offsets"], count).astype(np.int64)
+        own = file.array(found["connectivity"]).astype(np.int64)
+        if (np.diff(own_ends, prepend=0) < 0).any() or own_ends[-1] > len(own):
+            raise MeshError("the offsets of its polygons do not ascend; the file is damaged")
+        if len(own) and not (0 <= own.min() and own.max() < nodes):
+            raise MeshError("a polygon uses a point that is not there; the file is damaged")
+        corners.append(own[: own_ends[-1]] + first)
+        ends.append(own_ends + used)
+        first, used = first + nodes, used + int(own_ends[-1])
+    return np.concatenate(points), np.concatenate(corners), np.concatenate(ends)
+
+
 def _add_piece(content: Content, file: _File, piece: Element) -> None:
     nodes, cells = _count(piece, "NumberOfPoints"), _count(piece, "NumberOfCells")
     if nodes == 0 and cells == 0:
