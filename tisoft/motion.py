@@ -20,6 +20,7 @@ from tisoft.model import state as columns
 from tisoft.present import Present
 from tisoft.scene import Scene
 from tisoft.stable.guard import Guard
+from tisoft.step.pins import SAME_TIME
 
 Floats = NDArray[np.float64]
 
@@ -99,19 +100,35 @@ class Motion(Present):
         """
         self.refresh()
         end = (self.frame + 1) / self.scene.frame_rate
-        count, h = self.substeps_of(1.0 / self.scene.frame_rate)
+        stops = self._releases_before(end)
+        for stop in stops:
+            self._go_to(stop, stop - self.time)
+        self._go_to(end, end - self.time if stops else 1.0 / self.scene.frame_rate)
+        self.frame += 1
+
+    def _releases_before(self, end: float) -> list[float]:
+        """When pins let go before the end of the frame [s]."""
+        late = SAME_TIME / self.scene.frame_rate
+        pins = [pin for part in self.system.parts for pin in part.body.pins]
+        times = {pin.release for pin in pins if pin.release is not None}
+        return sorted(t for t in times if self.time + late < t < end - late)
+
+    def _go_to(self, end: float, long: float) -> None:
+        """Advance to `end` [s], within a frame: for so long [s], but for rounding."""
+        count, h = self.substeps_of(long)
         while count > self.look:
             self._stretch(self.time + self.look * h, self.look, h)
             count -= self.look
             if self.scene.step == "auto" and self.limit.chosen(self.substeps) < h:
                 count, h = self.substeps_of(end - self.time)
         self._stretch(end, count, h)
-        self.frame += 1
 
     def _stretch(self, end: float, count: int, step: float) -> None:
         """Advance to `end` [s] in `count` substeps of `step` [s]."""
-        self.holder.begin(self.time, end)
-        self.loading.begin(self.time, end)
+        held = self.holder.held
+        if self.holder.begin(self.time, end):
+            self._set_inputs()
+            self._let_go(held)
         if self.scene.start == "half-step" and not self.half_step_lag:
             u, v = self.system.motion()
             self.system.set_motion(u, v - 0.5 * step * self.acceleration())
@@ -132,6 +149,14 @@ class Motion(Present):
         self._looked(count)
         self.wall_seconds += _stepping_clock() - begun
 
+    def _let_go(self, held: NDArray[np.int32]) -> None:
+        """Give components that were `held` until now a velocity that lags as all others do."""
+        freed = (held & ~self.holder.held)[:, None] & np.array([1, 2, 4])
+        if self.half_step_lag and freed.any():
+            u, v = self.system.motion()
+            lag = 0.5 * self.half_step_lag * self.acceleration()
+            self.system.set_motion(u, v - np.where(freed, lag, 0.0))
+
     def make_frames(self, most: int) -> list[Floats]:
         """Advance up to `most` frames in one launch, where nothing has to be told between them;
         returns their records, each of shape (1 + probes, columns).  None are made where
@@ -139,10 +164,10 @@ class Motion(Present):
         """
         self.refresh()
         frame_time = 1.0 / self.scene.frame_rate
-        self.holder.begin(self.time, self.time + frame_time)
+        if self.holder.begin(self.time, self.time + frame_time):
+            self._set_inputs()
         if most < 2 or not self._is_steady():
             return []
-        self.loading.begin(self.time, self.time + frame_time)
         count, h = self.substeps_of(frame_time)
         due = math.ceil((self.next_look - self.since_look) / count)
         most = min(most, due, columns.FRAMES, self._frames_until_release())
@@ -184,6 +209,14 @@ class Motion(Present):
     def stretches(self, count: int, substeps: int, step: float, most_kinetic: float) -> int:
         """Make bare stretches; returns how many were made (see `Stepper.stretches`)."""
         before = self.steps[-1] if self.steps else step
+        self.schedule.begin(
+            self.time,
+            substeps,
+            step,
+            integrator=self.stepper.integrator,
+            lagging=bool(self.half_step_lag),
+            kick=0.5 * (before + step),
+        )
         return self.stepper.stretches(
             count, substeps, step, self.scene.gravity, most_kinetic=most_kinetic, before=before
         )

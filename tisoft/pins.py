@@ -86,6 +86,11 @@ class Pin:
         if self.release is not None:
             keep_number(self, "release", least=0.0, unit="s")
 
+    @property
+    def moves(self) -> bool:
+        """Whether it moves what it holds."""
+        return self.velocity is not None or self.path is not None or self.turn is not None
+
     def _check_held(self, field: str, motion: tuple[float, ...]) -> None:
         for axis, component in zip("xyz", motion, strict=True):
             if component and axis not in self.axes:

@@ -24,6 +24,7 @@ from tisoft.step.account import Account
 from tisoft.step.loading import Loading, external_forces
 from tisoft.step.observe import energy_table
 from tisoft.step.pins import Holder
+from tisoft.step.schedule import Acting, Schedule
 from tisoft.step.stepper import Rules, Stepper
 
 Floats = NDArray[np.float64]
@@ -77,14 +78,16 @@ class Present:
         self.account: Account | None = None
         self.loading = Loading(self.system)
         self.holder = Holder(self.system)
+        self.schedule = Schedule(self.system)
         self._threads = threads
         self._compile(ledger)
 
     def _compile(self, ledger: bool) -> None:
         self.place_obstacles()
         self.account = Account(0.0) if ledger else None
-        self.stepper = self._make_stepper()
         self.holder.begin(0.0, 0.0)
+        self.stepper = self._make_stepper()
+        self._set_inputs()
         self.limit.follow()
         self.stepper.compile()
         if ledger:
@@ -96,9 +99,26 @@ class Present:
         return runtime.compile_seconds - self._compiled
 
     def _make_stepper(self) -> Stepper:
-        stepper = Stepper(self.system, self._rules(), threads=self._threads)
+        stepper = Stepper(self.system, self._rules(), threads=self._threads, schedule=self.schedule)
         stepper.loaded = self.loading.loads or self.loading.pressure
         return stepper
+
+    def _set_inputs(self) -> None:
+        """Take anew what acts in time; makes another stepper where it needs other kernels."""
+        acting = None
+        pins = [pin for part in self.system.parts for pin in part.body.pins]
+        # A scene that was driven once stays so: others' kernels would have to be compiled first.
+        if self.schedule.acting or self.loading.changes or any(pin.moves for pin in pins):
+            acting = Acting()
+            for part, pin in self.holder.moved:
+                acting.add_pin(part, pin)
+            if self.loading.changes:
+                self.loading.act(acting)
+        self.loading.write()
+        self.schedule.set(acting)
+        if self.schedule.fields is not self.stepper.structure.inputs:
+            self.stepper = self._make_stepper()
+            self.stepper.compile()
 
     def _rules(self) -> Rules:
         contact = bool(self.scene.obstacles)
@@ -151,6 +171,7 @@ class Present:
         ):
             self.place_obstacles()
         if self.loading.refresh():
+            self._set_inputs()
             self.stepper.loaded = self.loading.loads or self.loading.pressure
         if self._rules() != self.stepper.rules:
             self.stepper = self._make_stepper()
@@ -183,10 +204,8 @@ class Present:
         """
         system = self.system
         force = self.stepper.forces()
-        if self.loading.pressure:  # it follows the surface, so it is that of this very state
+        if self.loading.pressure or self.loading.loads:
             force += external_forces(system.parts, self.time, system.world())
-        elif self.loading.loads:
-            force += system.loads()[0]
         a = force / system.mass[:, None] + np.asarray(self.scene.gravity)
         drag = np.array([part.body.model.point_damping for part in system.parts])
         a -= drag[system.body][:, None] * system.v

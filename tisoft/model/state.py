@@ -22,8 +22,10 @@ FRAMES = 64
 """Frames that a launch may make and record."""
 
 A = ti.types.ndarray()
-RANGES = 16
+RANGES = 17
 """Columns of `State.ranges`: first and last node, then first and last part of each block."""
+INPUTS = 16
+"""Column of `State.ranges`: row of `Inputs.scene`, where something acts in time."""
 ORDERS = (
     FIRST, LAST, PASSES, THREADS, LOADED, DONE, TRIPPED, PROBES, PROBE, RECORDS, CHUNKS, TASK
 ) = tuple(range(12))  # fmt: skip

@@ -127,6 +127,10 @@ class System:
         self._obstacles = 0
         self._ordered: dict[tuple[str, int], float] = {}
 
+    def lend(self, kind: Any, needs: dict[str, int]) -> Lease:
+        """Rows of other fields for this scene, until it ends."""
+        return self._keep(runtime.pool(Pool).lend(kind, self.precision, needs))
+
     def _keep(self, lease: Lease) -> Lease:
         self._leases.append(lease)
         return lease
@@ -272,6 +276,10 @@ class System:
         """Rows of a record: its sums, then the probes."""
         return 1 + len(self._probes)
 
+    def reals(self, values: Any) -> NDArray[Any]:
+        """The values in the scene's precision, as kernels take them."""
+        return self._reals(values)
+
     def _reals(self, values: Any) -> NDArray[Any]:
         return np.ascontiguousarray(values, dtype=self.real)
 
@@ -322,8 +330,10 @@ class System:
                 self._reals(rows),
             )
 
-    def set_pressures(self, starts: Any, ends: Any, numbers: Any) -> None:
-        """Rows of `external.press`: where each node's begin, shape (nodes + 1,), and the rows."""
+    def set_pressures(self, starts: Any, ends: Any, numbers: Any) -> int:
+        """Rows of `external.press`: where each node's begin, shape (nodes + 1,), and the rows;
+        returns the first of them.
+        """
         room = self.lease.counts["pressures"]
         row = self.lease.starts["pressures"]
         if len(ends) > room:
@@ -335,6 +345,7 @@ class System:
             np.asarray(ends, np.int32).reshape(-1, 2) + np.int32(self.first),
             self._reals(numbers).reshape(-1, columns.PRESSURE_NUMBERS),
         )
+        return int(row)
 
     # -- state in and out ----------------------------------------------------------------------
 

@@ -10,7 +10,7 @@ from typing import Any
 import taichi as ti
 
 from tisoft.model.state import CHUNK, DONE, FIRST, LAST, MOVE, PASSES, PUSH, SUM, TASK, TRIPPED
-from tisoft.step import consistent_mass, external, forces, record
+from tisoft.step import consistent_mass, driving, external, forces, record
 from tisoft.step.substep import begin_solve, move_solved, node, now_of
 
 
@@ -21,6 +21,17 @@ def make_advance(s: Any) -> Any:
     def save(scene: int):
         for i in range(s.state.ranges[scene, 0], s.state.ranges[scene, 1]):
             record.save(s.state, i)
+
+    @ti.kernel
+    def turn(scene: int, column: int):
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            driving.turn(s, scene, column)
+
+    @ti.kernel
+    def act(scene: int, column: int):
+        for i in range(s.state.ranges[scene, 0], s.state.ranges[scene, 1]):
+            driving.act(s, scene, i, column)
 
     @ti.kernel
     def push(scene: int, number: int, passes: int):
@@ -90,6 +101,9 @@ def make_advance(s: Any) -> Any:
         for number in range(orders[scene, FIRST], last):
             if task == MOVE and number % passes == 0:
                 save(scene)
+            if task == MOVE and s.driven:
+                turn(scene, number - orders[scene, FIRST])
+                act(scene, number - orders[scene, FIRST])
             push(scene, number % passes, passes)
             if task == MOVE:
                 nodes(scene, number % passes, passes)

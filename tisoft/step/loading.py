@@ -1,4 +1,4 @@
-"""Loads at work: what pushes the nodes in a frame, and at a moment for statics.
+"""Loads at work: what pushes the nodes, and at a moment for statics.
 
     force     F w_i, w_i = node's share of the selected faces' area at rest (equal without faces)
     traction  t A_i, A_i = ∫ N_i dA over the selected faces at rest [m²]
@@ -6,14 +6,11 @@
     torque    f_i = w_i ω × ρ_i,  ρ_i = x_i − Σ w x,  Σ w (|ρ|² − ρ ρᵀ) ω = M:  a pure couple
 
 A couple has the same moment M about every axis of its direction, and no net force.  Its forces turn
-with the face, M keeps its direction: they are set at the middle of each frame, where the face then
-is if it goes on as it does.  A load's factor in a frame is its mean over the frame, exactly, so
-that impulses come out right however coarse the frames are.
+with the face, M keeps its direction.  What changes in time is `schedule`'s.
 """
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -21,9 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft.loads import Load
+from tisoft.model import inputs as kinds
 from tisoft.model.part import Part
 from tisoft.model.state import PRESSURE_NUMBERS
 from tisoft.model.system import System
+from tisoft.step.schedule import Acting, factor_signal
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -150,19 +149,6 @@ def pressure_forces(pressure: float, rows: Rows, numbers: Floats, x: Floats) -> 
     return np.stack(columns, axis=1)
 
 
-def mean_factor(load: Load, start: float, end: float) -> float:
-    """Mean of the load's factor from `start` to `end` [s]."""
-    if load.table is not None:
-        marks = [row[0] for row in load.table]
-    else:
-        marks = [load.start, load.start + (load.ramp or 0.0)]
-        marks += [] if load.end is None else [load.end]
-    times = [start, *sorted(t for t in marks if start < t < end), end]
-    # Between its marks the factor is linear: its middle is its mean.
-    pieces = itertools.pairwise(times)
-    return sum((b - a) * load.factor(0.5 * (a + b)) for a, b in pieces) / (end - start)
-
-
 class Loading:
     """Keeps a system's loads and pressures right."""
 
@@ -173,6 +159,8 @@ class Loading:
         self._dead: list[tuple[Part, Load, Floats]] = []
         self._turning: list[tuple[Part, Load, Rows, Floats]] = []
         self._pressed: list[tuple[Load, NDArray[np.bool_]]] = []
+        self._first = 0
+        """Row of the first pressure."""
         self.refresh()
 
     @property
@@ -227,32 +215,54 @@ class Loading:
         self._data[:, 3:6] = s.rest_host[k] - s.rest_host[i]
         self._pressed = [(load, number == n) for n, (_, load) in enumerate(given)]
         self._rows = starts, rows[:, 1:]
+        self._seen_from = rows[:, 0]
+        for load, mine in self._pressed:
+            assert load.pressure is not None
+            self._data[mine, 6] = load.factor(0.0) * load.pressure * self._weights[mine]
         if given:
-            s.set_pressures(*self._rows, self._data)
+            self._first = s.set_pressures(*self._rows, self._data)
 
-    def begin(self, start: float, end: float) -> None:
-        """Prepare the frame from `start` to `end` [s]."""
+    def write(self) -> None:
+        """Write the loads where all of them stay as they are; what changes is for `schedule`."""
         s = self.system
-        if self.loads:
-            total = np.zeros((s.count, 3))
-            for part, load, forces in self._dead:
-                total[part.nodes] += mean_factor(load, start, end) * forces
-            if self._turning:
-                u, v = (values.astype(np.float64) for values in s.motion())
-                x = s.world(u) + 0.5 * (end - start) * v
-                for part, load, rows, shares in self._turning:
-                    assert load.torque is not None
-                    moment = mean_factor(load, start, end) * load.torque.moment
-                    turn = couple(x[part.nodes][rows], shares, moment * np.array(load.torque.axis))
-                    total[part.nodes][rows] += turn
-            if not np.array_equal(total, self._total):
-                self._total = total
-                s.set_loads(total)
-        if self.pressure:
-            scale = np.zeros(len(self._data))
-            for load, mine in self._pressed:
-                assert load.pressure is not None
-                scale[mine] = mean_factor(load, start, end) * load.pressure * self._weights[mine]
-            if not np.array_equal(scale, self._data[:, 6]):
-                self._data[:, 6] = scale
-                s.set_pressures(*self._rows, self._data)
+        total = np.zeros((s.count, 3))
+        if not self.changes:
+            for part, _, forces in self._dead:
+                total[part.nodes] += forces
+        if not np.array_equal(total, self._total):
+            self._total = total
+            s.set_loads(total)
+
+    def act(self, acting: Acting) -> None:
+        """Tell what pushes the nodes in time."""
+        for part, load, forces in self._dead:
+            rows = np.flatnonzero(forces.any(axis=1))
+            acting.rows.add(
+                part.start + rows,
+                kinds.LOAD,
+                0,
+                acting.signal(factor_signal(load), 1),
+                forces[rows],
+            )
+        for part, load, rows, shares in self._turning:
+            assert load.torque is not None
+            signal, nodes = acting.signal(factor_signal(load), 1), part.start + rows
+            moment = load.torque.moment * np.array(load.torque.axis)
+            along = np.zeros((len(rows), 3))
+            along[:, 0] = shares
+            acting.rows.add(nodes, kinds.TORQUE, len(acting.torques), signal, along)
+            acting.torques.append((signal, moment, nodes, shares))
+        self._act_pressures(acting)
+
+    def _act_pressures(self, acting: Acting) -> None:
+        for load, mine in self._pressed:
+            if load.is_constant:
+                continue
+            rows = np.flatnonzero(mine)
+            along = np.zeros((len(rows), 3))
+            assert load.pressure is not None
+            along[:, 0] = load.pressure * self._weights[rows]
+            signal = acting.signal(factor_signal(load), 1)
+            acting.rows.add(
+                self._seen_from[rows], kinds.PRESSURE, self._first + rows, signal, along
+            )

@@ -14,7 +14,7 @@ from typing import Any
 import taichi as ti
 
 from tisoft.model.state import DONE, FIRST, LAST, MOVE, PASSES, PUSH, TASK, THREADS, TRIPPED
-from tisoft.step import consistent_mass, external, forces, record
+from tisoft.step import consistent_mass, driving, external, forces, record
 from tisoft.step.substep import begin_solve, move_solved, node, now_of
 
 SLICE = 512
@@ -64,6 +64,21 @@ def solve(s: ti.template(), scene, t, threads, phase, now):
 
 
 @ti.func
+def drive(s: ti.template(), scene, t, threads, phase, number):
+    """What acts on the thread's nodes in pass `number`; returns the phase that it has come to."""
+    low, high = s.state.ranges[scene, 0], s.state.ranges[scene, 1]
+    column = number - s.state.orders[scene, FIRST]
+    if driving.turns(s, scene):
+        if t == 0:
+            driving.turn(s, scene, column)
+        phase += 1
+        meet(s, scene, phase, threads)
+    for i in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
+        driving.act(s, scene, i, column)
+    return phase
+
+
+@ti.func
 def walk(s: ti.template(), scene, t, threads):
     """All passes of the launch, as thread t of `threads` sees them."""
     low, high = s.state.ranges[scene, 0], s.state.ranges[scene, 1]
@@ -76,6 +91,9 @@ def walk(s: ti.template(), scene, t, threads):
         if task == MOVE and number % passes == 0:
             for i in range(first, last):
                 record.save(s.state, i)
+        if ti.static(s.driven):
+            if task == MOVE:
+                phase = drive(s, scene, t, threads, phase, number)
         for k in ti.static(range(len(s.blocks))):
             begin, stop = batches(s, k, scene, t, threads)
             for b in range(begin, stop):

@@ -1,4 +1,4 @@
-"""Pins at work: held axes, the velocities that carry moved pins through a frame, exact ends."""
+"""Pins at work: held axes, what moves them now, exact ends."""
 
 from __future__ import annotations
 
@@ -24,6 +24,11 @@ class Holder:
         self._moved: list[tuple[Part, Pin, NDArray[np.int64], NDArray[np.int64]]] = []
 
     @property
+    def moved(self) -> list[tuple[Part, Pin]]:
+        """The pins that move now, with their bodies' parts."""
+        return [(part, pin) for part, pin, *_ in self._moved]
+
+    @property
     def is_moving(self) -> bool:
         """Whether some pin moves."""
         return bool(self._moved)
@@ -46,8 +51,6 @@ class Holder:
         if changed:
             self._key = key
             self._hold(active)
-        if self._moved and end > start:
-            self._drive(start, end)
         return changed
 
     def _hold(self, active: list[tuple[Part, Pin]]) -> None:
@@ -58,7 +61,7 @@ class Holder:
             inside = part.start + part.rank[rows]
             for axis in pin.axes:
                 held[inside] |= 1 << "xyz".index(axis)
-            if pin.velocity is not None or pin.path is not None or pin.turn is not None:
+            if pin.moves:
                 self._moved.append((part, pin, rows, inside))
         # What was let go keeps its velocity; what is held at rest stands still at once.
         self.held = held
@@ -68,14 +71,6 @@ class Holder:
     def write(self) -> None:
         """Write what is held, and how it moves, into the fields."""
         self.system.set_fixed(self.held, self.drive)
-
-    def _drive(self, start: float, end: float) -> None:
-        for part, pin, rows, inside in self._moved:
-            points = part.body.mesh.points[rows]
-            way = pin.displacement(points, end) - pin.displacement(points, start)
-            axes = np.array(["xyz".index(axis) for axis in pin.axes])
-            self.drive[np.ix_(inside, axes)] = way[:, axes] / (end - start)
-        self.write()
 
     def finish(self, end: float) -> None:
         """Put moved pins exactly where they belong at `end` [s]: rounding must not add up."""

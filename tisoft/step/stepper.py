@@ -17,6 +17,7 @@ from tisoft.step.explicit_euler import ExplicitEuler
 from tisoft.step.launches import make_advance as make_launches
 from tisoft.step.pace import CELLS_PER_THREAD, TRIAL, TRIAL_WORK, Pace
 from tisoft.step.passes import make_advance
+from tisoft.step.schedule import Schedule
 from tisoft.step.substep import Structure
 from tisoft.step.symplectic_euler import SymplecticEuler
 from tisoft.step.velocity_verlet import VelocityVerlet
@@ -52,9 +53,17 @@ class Stepper:
         system: the bodies.
         rules: what kernels are compiled for.
         threads: CPU threads; None: chosen by the scene's size and the machine's load.
+        schedule: what acts in time.
     """
 
-    def __init__(self, system: System, rules: Rules, *, threads: int | None) -> None:
+    def __init__(
+        self,
+        system: System,
+        rules: Rules,
+        *,
+        threads: int | None,
+        schedule: Schedule | None = None,
+    ) -> None:
         self.system = system
         self.rules = rules
         self.integrator = INTEGRATORS[rules.integrator]
@@ -67,6 +76,7 @@ class Stepper:
         self.trial = max(TRIAL, TRIAL_WORK // max(1, work))
         self.loaded = False
         """Whether loads and pressures act."""
+        self.schedule = schedule
         self.structure = Structure(
             system.state,
             tuple(share.block for share in system.shares),
@@ -74,6 +84,7 @@ class Stepper:
             rules.contact,
             rules.ledger,
             system.mass_lease.fields if system.mass_lease is not None else None,
+            schedule.fields if schedule is not None else None,
         )
         self._call = 0.0
         """Seconds that calling several threads takes, which a short trial must not count."""
@@ -82,7 +93,8 @@ class Stepper:
     def _kernel(self) -> Any:
         """advance(scene), compiled once for the fields that it touches and the rules."""
         structure, alone, on_cpu = self.structure, self.pace.most == 1, runtime.on_cpu()
-        key = ("advance", *structure.blocks, structure.mass, self.rules, alone, on_cpu)
+        fields = (*structure.blocks, structure.mass, structure.inputs)
+        key = ("advance", *fields, self.rules, alone, on_cpu)
         return self.system.lease.arena.kernel(
             key, lambda: make_advance(structure, alone) if on_cpu else make_launches(structure)
         )
@@ -133,10 +145,14 @@ class Stepper:
     def _launch(self, done: int, end: int) -> int:
         """Passes from `done` on, to `end` or as many as a launch takes; returns where it ended."""
         now = min(end - done, self.trial if self._tries() else self.longest)
+        if self.schedule is not None and self.schedule.acting is not None:
+            now = min(now, self.schedule.most_passes)
         threads = self.pace.threads() if self.fixed is None else self.pace.most
         self.system.order("orders", columns.FIRST, done)
         self.system.order("orders", columns.LAST, done + now)
         self.system.order("orders", columns.THREADS, threads)
+        if self.schedule is not None:
+            self.schedule.fill(done, now)
         begun = time.perf_counter()
         self._advance(self.system.scene)
         if not runtime.on_cpu():

@@ -35,11 +35,18 @@ class Structure:
     ledger: bool
     mass: Any
     """Fields of the consistent mass matrix, or None where all masses are lumped."""
+    inputs: Any = None
+    """Fields of what acts in time, or None where nothing does."""
 
     @property
     def consistent(self) -> bool:
         """Whether M a = f is solved."""
         return self.mass is not None
+
+    @property
+    def driven(self) -> bool:
+        """Whether something acts in time."""
+        return self.inputs is not None
 
 
 @ti.func
