@@ -10,13 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from tisoft import checks
 from tisoft.checks import FieldError, Vector, inside
+from tisoft.geometry.cage.carried import Carried
 from tisoft.geometry.mesh import Mesh, SolidMesh, SpringNet, TetMesh, present_numbers
 from tisoft.geometry.skin import Skin
 from tisoft.loads import Load, Torque
 from tisoft.models.materials import MassSpring, Model, SolidModel
 from tisoft.pins import Pin, Turn
 from tisoft.region_material import RegionMaterial, materials_of
-from tisoft.where import InSet, NodeNumbers, Selection, rows_in
+from tisoft.where import InSet, Nearest, NodeNumbers, Nodes, Selection, rows_in
 
 
 class Push(TypedDict, total=False):
@@ -131,20 +132,53 @@ class Body:
             FieldError: where it picks none, or names a node that the mesh has not.
         """
         with inside("where"):
-            picked = rows_in(where, self.mesh)
+            picked = self._picked(where)
         if len(picked) == 0:
             lo, hi = (_point(f(self.mesh.points, axis=0)) for f in (np.min, np.max))
             problem = f'selects no node of "{self.name}", whose mesh spans {lo} to {hi}'
             raise FieldError("where", problem, where)
         return picked
 
+    @property
+    def carried(self) -> Carried | None:
+        """The surface that a cage carries, which pins and loads see; None for other meshes."""
+        return self.mesh.carried if isinstance(self.mesh, SolidMesh) else None
+
+    def points(self, where: Selection) -> NodeNumbers:
+        """Points of the surface that a cage carries that a selection picks."""
+        assert self.skin is not None and self.carried is not None
+        skin = self.carried.skin
+        places = skin.carried(self.mesh.points)
+        with inside("where"):
+            return where.select(places, np.arange(len(places)))
+
+    def _picked(self, where: Selection) -> NodeNumbers:
+        """Nodes that a selection picks; of a cage those that hold the points of its surface: the
+        nodes in the selection, where the points lie on a plane of the lattice, else with them all
+        within half a cell of the patch.
+        """
+        if self.carried is None:
+            return rows_in(where, self.mesh)
+        points = self.points(where)
+        by_place = not isinstance(where, (Nodes, Nearest))
+        own = where.select(self.mesh.points) if by_place else np.empty(0, np.int64)
+        if not len(points) or (len(own) and self.carried.is_on_plane(points)):
+            return own
+        return np.union1d(own, self.carried.holders(points))
+
     def faces(self, where: Selection) -> NDArray[np.int64]:
-        """Rows of `mesh.surface` all of whose nodes are selected, or a set's own faces."""
+        """Rows of `mesh.surface` (of a cage: of its skin) all of whose nodes are selected, or a
+        set's own faces.
+        """
         if isinstance(where, InSet):
             with inside("where"):
                 own = where.faces_in(self.mesh)
             if own is not None:
                 return own
+        if self.carried is not None:
+            chosen = np.zeros(len(self.carried.skin.corners), bool)
+            chosen[self.points(where)] = True
+            return self.carried.within(chosen)
         picked = np.zeros(len(self.mesh.points), dtype=bool)
         picked[self.nodes(where)] = True
         return self.mesh.boundary.within(picked)

@@ -28,6 +28,8 @@ from tisoft import loads, pins, scene, scene_parts, where
 from tisoft.body import Body
 from tisoft.errors import SceneError
 from tisoft.geometry import groups
+from tisoft.geometry.cage.build import Cage
+from tisoft.geometry.cage.lattice import Lattice
 from tisoft.geometry.mesh import SolidMesh, SpringNet, TetMesh
 from tisoft.geometry.skin import Skin
 from tisoft.models import materials
@@ -43,7 +45,7 @@ _CLASSES: dict[str, Any] = {
     for module, classes in {
         "": (
             scene.Scene, Body, RegionMaterial, TetMesh, SolidMesh, SpringNet, groups.Region,
-            groups.NodeSet, Skin, pins.Pin, pins.Turn, loads.Load, loads.Torque,
+            groups.NodeSet, Skin, Cage, Lattice, pins.Pin, pins.Turn, loads.Load, loads.Torque,
             *OBSTACLES.values(), scene_parts.Probe,
             scene_parts.Camera, scene_parts.Render, *materials.MODELS.values(),
         ),

@@ -27,6 +27,7 @@ from tisoft.geometry.moving import moved
 
 if TYPE_CHECKING:
     from tisoft.geometry.cage.build import Cage
+    from tisoft.geometry.cage.carried import Carried
     from tisoft.geometry.mesh import TetMesh
 
 Floats = NDArray[np.float64]
@@ -132,6 +133,13 @@ class SolidMesh:
     def boundary(self) -> Boundary:
         """Faces of one cell only."""
         return boundary_of(dict(self.cells))
+
+    @cached_property
+    def carried(self) -> Carried | None:
+        """The surface that a cage carries, as loads and pins see it; None for other meshes."""
+        from tisoft.geometry.cage.carried import Carried
+
+        return None if self.cage is None else Carried(self)
 
     @property
     def surface(self) -> Ints:

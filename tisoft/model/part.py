@@ -92,6 +92,17 @@ class Part:
         """Number in the mesh of each cell, in the order of `solids`."""
         return np.concatenate([np.empty(0, np.int64), *[cells.order for cells in self.solids]])
 
+    @property
+    def pressed_rows(self) -> int:
+        """Rows of `State.pressure_ends` that its pressures take at the most: those of all faces of
+        a mesh, and of a carried surface, which needs many, those that are there from the start.
+        """
+        body = self.body
+        if body.carried is None:
+            return body.mesh.boundary.pressed_rows
+        pressed = [load for load in body.loads if load.pressure is not None]
+        return sum(len(body.carried.pressed(body.faces(load.where))[1]) for load in pressed)
+
     def kind_of_cell(self, number: int) -> str:
         """What a cell is called, by its place in the order of `solids`."""
         ends = np.cumsum([len(cells.nodes) for cells in self.solids])

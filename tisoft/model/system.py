@@ -109,7 +109,7 @@ class System:
         self._write_scene()
 
     def _lend_nodes(self, pool: Pool, copies: int) -> None:
-        pressures = sum(p.body.mesh.boundary.pressed_rows for p in self.parts)
+        pressures = sum(p.pressed_rows for p in self.parts)
         needs = {
             "nodes": self.count + 1,
             "copies": max(1, copies),

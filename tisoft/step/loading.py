@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tisoft.body import Body
 from tisoft.loads import Load
 from tisoft.model import inputs as kinds
 from tisoft.model.part import Part
@@ -121,7 +122,10 @@ def _scattered(blocks: Floats, rows: Rows, columns: Rows, size: int) -> csr_arra
 
 def pressed_rows(part: Part, load: Load) -> tuple[Rows, Floats]:
     """`Boundary.pressed` of a load's faces, in the body's inside rows."""
-    rows, numbers = part.body.mesh.boundary.pressed(part.body.faces(load.where))
+    body = part.body
+    faces = body.faces(load.where)
+    surface = body.mesh.boundary if body.carried is None else body.carried
+    rows, numbers = surface.pressed(faces)
     return part.rank[rows], numbers
 
 
@@ -129,6 +133,10 @@ def _shares(part: Part, load: Load) -> tuple[Rows, Floats, float]:
     """Loaded inside rows of a body, their shares (which add up to 1), and the area [m²]."""
     body = part.body
     faces = body.faces(load.where)
+    if body.carried is not None:
+        weights = _carried_shares(body, load, faces)[part.order]
+        rows = np.flatnonzero(weights)
+        return rows, weights[rows] / weights.sum(), float(weights.sum()) if len(faces) else 0.0
     if not len(faces):
         rows = part.rank[body.nodes(load.where)]
         return rows, np.full(len(rows), 1.0 / len(rows)), 0.0
@@ -137,6 +145,21 @@ def _shares(part: Part, load: Load) -> tuple[Rows, Floats, float]:
     # Corners of flat quadratic faces have none, but for rounding.
     rows = np.flatnonzero(np.abs(weights) > 1e-12 * area)
     return rows, weights[rows] / area, area
+
+
+def _carried_shares(body: Body, load: Load, faces: Rows) -> Floats:
+    """∫ N_a dA [m²] over faces of a surface that a cage carries, or Σ N_a of its points where there
+    are none, shape (nodes,).
+    """
+    assert body.carried is not None
+    if len(faces):
+        return body.carried.area_shares(faces)
+    skin, points = body.carried.skin, body.points(load.where)
+    if not len(points):
+        rows = body.nodes(load.where)
+        return np.bincount(rows, minlength=len(body.mesh.points)).astype(np.float64)
+    each = skin.weights[points].ravel()
+    return np.bincount(skin.corners[points].ravel(), each, len(body.mesh.points)).astype(float)
 
 
 def pressure_forces(pressure: float, rows: Rows, numbers: Floats, x: Floats) -> Floats:

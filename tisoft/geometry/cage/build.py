@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft.errors import MeshError
+from tisoft.geometry.cage.carried import CORNER, shares
 from tisoft.geometry.cage.cutting import cut
 from tisoft.geometry.cage.lattice import Lattice, fitted
 from tisoft.geometry.cage.masses import balanced
@@ -27,8 +28,6 @@ Rows = NDArray[np.int64]
 
 LEAST_FILL = 0.01
 """Fill below which a cell is left out."""
-CORNER = np.array([[c & 1, c >> 1 & 1, c >> 2] for c in range(8)])
-"""Corners of a cell in the order of a lattice."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,12 +120,6 @@ def _carried(local: Floats, cells: Rows, corners: Rows) -> tuple[NDArray[np.int3
     tree = cKDTree(cells + 0.5)
     own = tree.query(local, p=np.inf)[1]
     return corners[own].astype(np.int32), shares(local - cells[own])
-
-
-def shares(inside: Floats) -> Floats:
-    """N_a of places in a cell, 0 .. 1 along each axis, shape (points, 8)."""
-    each = np.where(CORNER, inside[:, None], 1.0 - inside[:, None])
-    return np.asarray(each.prod(axis=2))
 
 
 def split_long(points: Floats, triangles: Rows, longest: float) -> tuple[Floats, Rows]:
