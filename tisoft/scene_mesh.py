@@ -15,7 +15,7 @@ from tisoft.checks import FieldError, inside, joined
 from tisoft.errors import MeshError
 from tisoft.geometry import shapes
 from tisoft.geometry.merging import merged
-from tisoft.geometry.mesh import Mesh, TetMesh
+from tisoft.geometry.mesh import Mesh, SpringNet, TetMesh
 from tisoft.geometry.skin import Skin, read_skin
 from tisoft.geometry.solid import quadratic
 from tisoft.models.materials import MassSpring, Model
@@ -251,7 +251,7 @@ def build_skin(body: Table, field: str, folder: Path, mesh: Mesh) -> Skin:
         raise FieldError(
             joined(field, "file"), "is missing; name a surface file (.obj, .ply, .stl)"
         )
-    if not isinstance(mesh, TetMesh):
+    if isinstance(mesh, SpringNet):
         raise FieldError(field, "is carried by tets, and this body has springs alone; remove it")
     path, name = joined(field, "file"), table["file"]
     try:

@@ -163,13 +163,33 @@ def test_tetgen_files_that_contradict_themselves_are_told_where(tmp_path):
         read_mesh(path)
 
 
-def test_second_order_tets_are_read_by_their_corners_and_told(tmp_path):
+def enclosed(mesh):
+    """Volume inside the boundary, by the flux of x through faces as they are curved."""
+    rows, numbers = mesh.boundary.pressed(np.arange(len(mesh.boundary.triangles)))
+    i, j, k = (mesh.points[column] for column in rows.T)
+    return np.einsum("r,ri,ri->", numbers, i, np.cross(j - i, k - i)) / 3.0
+
+
+def test_second_order_tets_are_read_as_they_are_however_their_nodes_are_numbered(tmp_path):
     points, tets = second_order(CUBE)
-    mesh = read_mesh(tetgen(tmp_path, "c", points, tets))
+    bent = points.copy()
+    bent[8:] += 0.004 * np.random.default_rng(2).uniform(-1, 1, (len(points) - 8, 3))
+    for places, order in ((points, [*range(10)]), (bent, [0, 1, 2, 3, 8, 5, 9, 4, 7, 6])):
+        mesh = read_mesh(tetgen(tmp_path, "c", places, tets[:, order]))
+        assert list(mesh.cells) == ["tet10"]
+        assert mesh.warnings == ()
+        assert np.array_equal(mesh.points, places)
+        assert enclosed(mesh) == pytest.approx(mesh.volumes.sum(), rel=1e-12)
+
+
+def test_mixed_orders_are_read_by_their_corners_and_told(tmp_path):
+    points, tets = second_order(CUBE)
+    cells = [("tetra10", tets[:2]), ("tetra", tets[2:, :4])]
+    meshio.Mesh(points, cells).write(tmp_path / "a.vtu")
+    mesh = read_mesh(tmp_path / "a.vtu")
     is_cube(mesh)
-    assert mesh.dropped_nodes == 18
     (told,) = mesh.warnings
-    assert told.startswith("5 10-node tets are read by their corners")
+    assert told.startswith("2 10-node tets are read by their corners")
 
 
 LZ4 = "vtkLZ4DataCompressor"
@@ -187,17 +207,18 @@ CELL_TYPES 2
 """
 
 
-def test_voxels_are_cut_in_tets_that_fit(tmp_path):
+def test_voxels_are_hexahedra(tmp_path):
     grid = [f"{x / 10} {y / 10} {z / 10}" for z in range(2) for y in range(2) for x in range(3)]
     mesh = read_mesh(text(tmp_path, "a.vtk", VOXELS.format(points="\n".join(grid))))
     assert mesh.volumes.sum() == pytest.approx(2e-3, rel=1e-12)
-    assert mesh.warnings[0].startswith("2 voxels are cut in tets")
-    assert len(mesh.surface) == 2 * 10  # neighbours agree on the face between them
-    assert mesh.flipped == 0
+    assert mesh.warnings == ()
+    assert (len(mesh.hexes), len(mesh.surface), mesh.flipped) == (2, 2 * 10, 0)
+    assert enclosed(mesh) == pytest.approx(2e-3, rel=1e-12)
 
 
 def test_solids_of_all_kinds_are_cut_so_that_neighbours_agree(tmp_path):
-    """A hexahedron, two wedges on it, six pyramids on those: no face is left open inside."""
+    """A hexahedron, two wedges on it, six pyramids on those: no face is left open inside, and a
+    side of the hexahedron meets two of the tets."""
     corner = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
     points = np.concatenate([corner + np.array([0, 0, z]) for z in range(4)] + [[[0.5, 0.5, 2.5]]])
     hexahedra = np.array([[0, 1, 2, 3, 4, 5, 6, 7]])
@@ -219,9 +240,30 @@ def test_solids_of_all_kinds_are_cut_so_that_neighbours_agree(tmp_path):
         meshio.Mesh(shuffled, [(kind, new[rows]) for kind, rows in cells]).write(tmp_path / "a.vtu")
         mesh = read_mesh(tmp_path / "a.vtu")
         assert mesh.volumes.sum() == pytest.approx(3.0)
-        assert len(mesh.tets) == 6 + 2 * 3 + 6 * 2
+        assert (len(mesh.hexes), len(mesh.tets)) == (1, 2 * 3 + 6 * 2)
         assert len(mesh.surface) == 2 * (4 * 3 + 2)
-        assert len(mesh.joints.folded) == len(mesh.joints.hanging) == mesh.joints.lying == 0
+        assert mesh.boundary.halves == mesh.pieces == 1
+        assert enclosed(mesh) == pytest.approx(3.0)
+        (told,) = mesh.warnings
+        assert told.startswith("2 wedges, 6 pyramids are cut in tets")
+
+
+def test_what_does_not_meet_or_is_folded_is_told(tmp_path):
+    corner = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
+    points = np.concatenate([corner, corner + [0, 0, 1], [[0.5, 0.5, 2]]])
+    cells = [("hexahedron", [[*range(8)]]), ("tetra", [[4, 5, 6, 8]])]
+    meshio.Mesh(points, cells).write(tmp_path / "a.vtu")
+    (told,) = read_mesh(tmp_path / "a.vtu").warnings
+    assert "share nodes but no faces" in told
+    in_rows = [[0, 1, 3, 2, 4, 5, 7, 6]]
+    meshio.Mesh(points, [("hexahedron", in_rows)]).write(tmp_path / "a.vtu")
+    with pytest.raises(MeshError, match=r"hex 0 \(counted from 0\) is folded.*row by row"):
+        read_mesh(tmp_path / "a.vtu")
+    places, tets = second_order(CUBE)
+    places[tets[0, 4:7]] += 0.5 * (places[tets[0, 3]] - places[tets[0, 4:7]])
+    meshio.Mesh(places, [("tetra10", tets)]).write(tmp_path / "a.vtu")
+    with pytest.raises(MeshError, match="Jacobian is not positive at"):
+        read_mesh(tmp_path / "a.vtu")
 
 
 def test_a_wedge_written_as_hexahedron_keeps_its_volume(tmp_path):

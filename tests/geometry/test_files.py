@@ -192,15 +192,15 @@ def test_cells_beside_tets_are_ignored_and_blocks_merged(tmp_path):
     assert np.array_equal(read_mesh(written(tmp_path, "a.vtu", cells)).tets, BRICK.tets)
 
 
-def test_curved_tets_are_read_by_their_corners(tmp_path):
+def test_quadratic_tets_are_read_as_they_are(tmp_path):
     corners = BRICK.points[BRICK.tets[0]]
     middles = [
         (corners[a] + corners[b]) / 2 for a, b in ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))
     ]
     points = np.concatenate([corners, middles])
     mesh = read_mesh(written(tmp_path, "a.vtu", [("tetra10", np.arange(10)[None])], points))
-    assert len(mesh.points) == 4
-    assert mesh.dropped_nodes == 6
+    assert len(mesh.points) == 10
+    assert np.array_equal(mesh.quadratic_tets, np.arange(10)[None])
 
 
 def test_a_file_of_lines_is_a_net_of_springs(tmp_path):

@@ -120,7 +120,7 @@ def test_bare_net_keeps_the_order_of_nodes_and_springs():
         (lambda: box((1, 1, 1), (1, 0, 1)), "1 or more"),
         (lambda: box((1, 1, 1), (1, 1.5, 1)), "whole number"),
         (lambda: box((1, 1, 1), (9999, 9999, 9999)), "at most"),
-        (lambda: box((1, 1, 1), (1, 1, 1), split="seven"), '"five" or "six"'),
+        (lambda: box((1, 1, 1), (1, 1, 1), split="seven"), '"five", "six" or "hex"'),
         (lambda: ball(-1.0, 3), "positive length"),
         (lambda: ball(1.0, 0), "1 or more"),
         (lambda: cylinder(1.0, 1e9, 50), "at most"),

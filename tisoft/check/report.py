@@ -66,6 +66,9 @@ def check(sim: Simulation) -> Report:
     return report
 
 
+PLURALS = {"tet4": "tets", "tet10": "quadratic tets", "hex8": "hexes"}
+
+
 def mesh_report(body: Body) -> dict[str, Any]:
     """Numbers of a body's mesh; None for what springs do not have."""
     mesh = body.mesh
@@ -100,6 +103,7 @@ def mesh_report(body: Body) -> dict[str, Any]:
             "regions": [_region(body, region) for region in mesh.regions],
             "worst_quality": float(shape[worst]),
             "worst_element": worst,
+            "kinds": " and ".join(PLURALS[word] for word in mesh.cells),
         }
         if isinstance(mesh, TetMesh):
             found["median_altitude"] = float(np.median(altitudes(mesh)))
@@ -190,7 +194,7 @@ def _speed_lines(result: dict[str, Any]) -> list[str]:
 
 
 def _mesh_lines(name: str, mesh: dict[str, Any], result: dict[str, Any]) -> list[str]:
-    kind = "springs" if mesh["volume"] is None else "tets"
+    kind = "springs" if mesh["volume"] is None else mesh["kinds"]
     size = " x ".join(metres(length) if length else "0" for length in mesh["size"])
     lines = [f'body "{name}"', f"  mesh           {mesh['nodes']} nodes, {mesh['elements']} {kind}"]
     if mesh["volume"] is not None and "springs" in mesh:
@@ -198,13 +202,13 @@ def _mesh_lines(name: str, mesh: dict[str, Any], result: dict[str, Any]) -> list
     lines[-1] += f", {size}"
     if mesh["volume"] is not None:
         lines[-1] += f", {mesh['volume']:.4g} m³"
-        lines.append(
-            f"  quality        worst {mesh['worst_quality']:.2g} (tet {mesh['worst_element']}), "
-            f"median altitude {metres(mesh['median_altitude'])}"
-        )
+        worst = f"worst {mesh['worst_quality']:.2g} (element {mesh['worst_element']})"
+        lines.append(f"  quality        {worst}")
+        if "median_altitude" in mesh:
+            lines[-1] += f", median altitude {metres(mesh['median_altitude'])}"
     lines += _group_lines(mesh)
     for key, told in (
-        ("flipped", "tets turned round: the file orients them the other way"),
+        ("flipped", "elements turned round: the file orients them the other way"),
         ("dropped_nodes", "nodes dropped: no element has them as a corner"),
     ):
         if mesh[key]:

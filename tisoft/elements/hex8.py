@@ -253,6 +253,7 @@ class Hexahedron:
     word = "hex"
     """What a cell is called in sentences."""
     points = 1
+    rows = 24
     known = 8
     """Columns of `Block.modes`: ω², damping rate, 8γ/ρ, weight; 8/ρ V times λ_A √(γκ) and λ_A γ,
     elastic and viscous."""

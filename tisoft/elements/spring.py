@@ -31,6 +31,7 @@ class Spring:
 
     corners = 2
     points = 1
+    rows = 6
     known = 4
     constants = 0
     numbers = 7

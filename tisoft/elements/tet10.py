@@ -42,13 +42,27 @@ STRAIGHT = 1e-10
 """Share of an edge's length by which its node may lie off its middle."""
 
 
+def in_two(value: float) -> tuple[float, float]:
+    """The value as a float of f32 and what is left."""
+    first = float(np.float32(value))
+    return first, value - first
+
+
+NEAR, STEP = in_two((5.0 - np.sqrt(5.0)) / 20.0), in_two(np.sqrt(0.2))
+
+
+@ti.func
+def near_and_step(z):
+    """(5 − √5)/20 and 1/√5, in the precision of z = 0: literals have the digits of f32 alone."""
+    return (z + NEAR[0]) + NEAR[1], (z + STEP[0]) + STEP[1]
+
+
 @ti.func
 def coordinates(rest: ti.template(), q, lane):
     """L of point q."""
     z = 0.0 * rest[0, lane]
-    root = ti.sqrt(z + 5.0)  # a literal has the digits of f32 alone
-    near, far = (5.0 - root) / 20.0, (5.0 + 3.0 * root) / 20.0
-    return ti.Vector([ti.select(q == a, far, near) for a in range(4)])
+    near, step = near_and_step(z)
+    return ti.Vector([ti.select(q == a, near + step, near) for a in range(4)])
 
 
 @ti.func
@@ -57,7 +71,7 @@ def gradient_at(kind: ti.template(), rest: ti.template(), u: ti.template(), q, l
     L = coordinates(rest, q, lane)
     z = 0.0 * rest[0, lane]
     H = ti.Matrix([[z, z, z], [z, z, z], [z, z, z]])
-    for r in range(3):
+    for r in ti.static(range(3)):
         d = ti.Vector([z, z, z, z])
         for a in ti.static(range(4)):
             d[a] = (4.0 * L[a] - 1.0) * u[3 * a + r, lane]
@@ -73,25 +87,46 @@ def gradient_at(kind: ti.template(), rest: ti.template(), u: ti.template(), q, l
 
 
 @ti.func
+def keep(P, q, first: ti.template(), lane, out: ti.template()):
+    """Keep V_q P_q in rows of `out` from `first` on."""
+    for r in ti.static(range(3)):
+        for j in ti.static(range(3)):
+            out[first + 9 * q + 3 * r + j, lane] = P[r, j]
+
+
+@ti.func
 def spread(
-    kind: ti.template(), rest: ti.template(), P, q, first: ti.template(), lane, out: ti.template()
+    kind: ti.template(), rest: ti.template(), kept: ti.template(), first: ti.template(), lane,
+    out: ti.template(),
 ):  # fmt: skip
-    """Add P ∇N_a of each node to rows of `out` from `first` on."""
-    L = coordinates(rest, q, lane)
-    z = 0.0 * P[0, 0]
-    for r in range(3):
-        h = ti.Vector([z, z, z, z])
-        for b in range(3):
-            f = z
-            for j in range(3):
-                f += P[r, j] * rest[kind.stride * q + 3 * b + j, lane]
-            h[b + 1] = f
-            h[0] -= f
+    """Σ_q V_q P_q ∇N_a of each node into rows of `out` from `first` on; rows from `kept` on have
+    the V_q P_q.
+
+    With L_a = .138… + δ_aq/√5 all nodes' sums are made of h_b(q) = V_q P_q ∇L_b and their sums
+    over q.
+    """
+    z = 0.0 * rest[0, lane]
+    near, step = near_and_step(z)
+    for r in ti.static(range(3)):
+        h = ti.Matrix([[z, z, z, z] for _ in range(4)])
+        total = ti.Vector([z, z, z, z])
+        for q in ti.static(range(4)):
+            for b in ti.static(range(3)):
+                f = z
+                for j in ti.static(range(3)):
+                    row = kept + 9 * q + 3 * r + j
+                    f += out[row, lane] * rest[kind.stride * q + 3 * b + j, lane]
+                h[q, b + 1] = f
+                h[q, 0] -= f
+            for b in ti.static(range(4)):
+                total[b] += h[q, b]
         for a in ti.static(range(4)):
-            out[first + 3 * a + r, lane] += (4.0 * L[a] - 1.0) * h[a]
+            out[first + 3 * a + r, lane] = (4.0 * near - 1.0) * total[a] + 4.0 * step * h[a, a]
         for k in ti.static(range(6)):
             a, b = ti.static(EDGES[k])
-            out[first + 12 + 3 * k + r, lane] += 4.0 * (L[b] * h[a] + L[a] * h[b])
+            out[first + 12 + 3 * k + r, lane] = 4.0 * (
+                near * (total[a] + total[b]) + step * (h[a, b] + h[b, a])
+            )
 
 
 @ti.func
@@ -99,8 +134,8 @@ def tet10_forces(
     kind: ti.template(), law: ti.template(), rest: ti.template(), u: ti.template(),
     v: ti.template(), m, at, out: ti.template(),
 ):  # fmt: skip
-    """Add the nodal forces [N] of a point; rows 30..59 of `out`, where it has them, get the viscous
-    share; at: point and lane.
+    """Keep the stress of a point, and after it, where `out` has rows for two, its viscous share;
+    at: point and lane.
     """
     q, lane = at[0], at[1]
     H, D = gradient_at(kind, rest, u, q, lane), gradient_at(kind, rest, v, q, lane)
@@ -108,9 +143,10 @@ def tet10_forces(
     V = rest[kind.stride * q + 9, lane]
     Pv = law.viscosity.stress(H, D, m[k], m[k + 1])
     P = law.stress(H, m) + Pv
-    if ti.static(out.n > 30):
-        spread(kind, rest, -V * Pv, q, 30, lane, out)
-    spread(kind, rest, -V * P, q, 0, lane, out)
+    shares = ti.static(out.n // kind.rows)
+    keep(-V * P, q, 30 * shares, lane, out)
+    if ti.static(shares == 2):
+        keep(-V * Pv, q, 96, lane, out)
 
 
 @ti.func
@@ -118,11 +154,11 @@ def tet10_product(
     kind: ti.template(), law: ti.template(), rest: ti.template(), u: ti.template(),
     w: ti.template(), m, at, out: ti.template(),
 ):  # fmt: skip
-    """Add K(u) w [N] of a point."""
+    """Keep what K(u) w is made of at a point."""
     q, lane = at[0], at[1]
     H, G = gradient_at(kind, rest, u, q, lane), gradient_at(kind, rest, w, q, lane)
     P = rest[kind.stride * q + 9, lane] * law.tangent(H, G, m)
-    spread(kind, rest, P, q, 0, lane, out)
+    keep(P, q, 30 * ti.static(out.n // kind.rows), lane, out)
 
 
 @ti.func
@@ -162,6 +198,8 @@ class Quadratic:
     """What a cell is called in sentences."""
     corners = 10
     points = 4
+    rows = 66
+    """Rows of `out`: forces of the nodes, and what is kept of four points."""
     known = 6
     """Columns of `Block.modes`: ω², damping rate, what growth adds, weight; ω_Σ² and its rate."""
     constants = 0
@@ -269,7 +307,7 @@ class Tet10(Quadratic):
         law: ti.template(), rest: ti.template(), u: ti.template(), v: ti.template(), m, q, lane,
         out: ti.template(),
     ):  # fmt: skip
-        """Add the nodal forces of point q [N], see `tet10_forces`."""
+        """Keep the stress of point q, see `tet10_forces`."""
         tet10_forces(Tet10, law, rest, u, v, m, (q, lane), out)
 
     @staticmethod
@@ -286,8 +324,17 @@ class Tet10(Quadratic):
         law: ti.template(), rest: ti.template(), u: ti.template(), w: ti.template(), m, q, lane,
         out: ti.template(),
     ):  # fmt: skip
-        """Add K(u) w of point q [N]."""
+        """Keep what K(u) w is made of at point q."""
         tet10_product(Tet10, law, rest, u, w, m, (q, lane), out)
+
+    @staticmethod
+    @ti.func
+    def finish(rest: ti.template(), lane, out: ti.template()):
+        """Nodal forces of what the points have kept; of two shares, the viscous one too."""
+        shares = ti.static(out.n // Tet10.rows)
+        spread(Tet10, rest, 30 * shares, 0, lane, out)
+        if ti.static(shares == 2):
+            spread(Tet10, rest, 96, 30, lane, out)
 
     @staticmethod
     @ti.func
@@ -334,7 +381,7 @@ class CurvedTet10(Quadratic):
         law: ti.template(), rest: ti.template(), u: ti.template(), v: ti.template(), m, q, lane,
         out: ti.template(),
     ):  # fmt: skip
-        """Add the nodal forces of point q [N], see `tet10_forces`."""
+        """Keep the stress of point q, see `tet10_forces`."""
         tet10_forces(CurvedTet10, law, rest, u, v, m, (q, lane), out)
 
     @staticmethod
@@ -351,8 +398,17 @@ class CurvedTet10(Quadratic):
         law: ti.template(), rest: ti.template(), u: ti.template(), w: ti.template(), m, q, lane,
         out: ti.template(),
     ):  # fmt: skip
-        """Add K(u) w of point q [N]."""
+        """Keep what K(u) w is made of at point q."""
         tet10_product(CurvedTet10, law, rest, u, w, m, (q, lane), out)
+
+    @staticmethod
+    @ti.func
+    def finish(rest: ti.template(), lane, out: ti.template()):
+        """Nodal forces of what the points have kept; of two shares, the viscous one too."""
+        shares = ti.static(out.n // CurvedTet10.rows)
+        spread(CurvedTet10, rest, 30 * shares, 0, lane, out)
+        if ti.static(shares == 2):
+            spread(CurvedTet10, rest, 96, 30, lane, out)
 
     @staticmethod
     @ti.func

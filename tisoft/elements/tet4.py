@@ -35,6 +35,8 @@ class Tet4:
     """What a cell is called in sentences."""
     points = 1
     """Points at which its strain is taken."""
+    rows = 12
+    """Rows that `out` of `forces` has for each share."""
     numbers = 10
     known = 4
     """Columns of `Block.modes`."""

@@ -28,7 +28,7 @@ def push(block: ti.template(), state: ti.template(), what: ti.template(), b):
     rest = ti.Matrix.zero(block.real, block.element.numbers, block.lanes)
     u = ti.Matrix.zero(block.real, size, block.lanes)
     w = ti.Matrix.zero(block.real, size, block.lanes)
-    out = ti.Matrix.zero(block.real, 2 * size, block.lanes)
+    out = ti.Matrix.zero(block.real, 2 * block.element.rows, block.lanes)
     forces.load_rest(block, b, rest)
     forces.gather(block, state.displacement, b, u)
     if ti.static(what != FORCE):
@@ -40,6 +40,7 @@ def push(block: ti.template(), state: ti.template(), what: ti.template(), b):
                 block.element.product(block.law, rest, u, w, m, q, lane, out)
             else:
                 block.element.forces(block.law, rest, u, w, m, q, lane, out)
+    forces.finish(block, rest, out)
     forces.scatter(block, state.force, b, out, size if what == RATE else 0)
 
 
@@ -115,7 +116,7 @@ def make_matrices(block: Any, state: Any, viscous: bool) -> Any:
             m = forces.material(block, first + k)
             for column in range(size):
                 w = ti.Matrix.zero(block.real, size, block.lanes)
-                f = ti.Matrix.zero(block.real, 2 * size, block.lanes)
+                f = ti.Matrix.zero(block.real, 2 * block.element.rows, block.lanes)
                 for lane in range(block.lanes):
                     w[column, lane] = 1.0
                 for q in range(block.points):
@@ -124,6 +125,7 @@ def make_matrices(block: Any, state: Any, viscous: bool) -> Any:
                             block.element.forces(block.law, rest, u, w, m, q, lane, f)
                         else:
                             block.element.product(block.law, rest, u, w, m, q, lane, f)
+                forces.finish(block, rest, f)
                 for lane in range(block.lanes):
                     for row in range(size):
                         if ti.static(viscous):

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from tisoft.errors import MeshError
 from tisoft.geometry.groups import NodeSet
 from tisoft.geometry.joints import coincident_nodes, merged_into
-from tisoft.geometry.mesh import SpringNet, TetMesh, spring_net, tet_mesh
+from tisoft.geometry.mesh import Mesh, SolidMesh, TetMesh, spring_net, tet_mesh
+from tisoft.geometry.solid import FIELDS, solid_mesh
 
 Ints = NDArray[np.int64]
 
 
-def merged(mesh: TetMesh | SpringNet, distance: float | None = None) -> TetMesh | SpringNet:
+def merged(mesh: Mesh, distance: float | None = None) -> Mesh:
     """The mesh with nodes in one place, or within `distance` [m], merged into the first of them.
 
     Raises MeshError where that would flatten a tet or turn it over: the distance is too large.
@@ -26,8 +27,11 @@ def merged(mesh: TetMesh | SpringNet, distance: float | None = None) -> TetMesh 
     if not len(gone):
         return replace(mesh, notes=(*mesh.notes, "merge found no nodes in the same place"))
     rows = first[cells]
-    if isinstance(mesh, TetMesh):
-        made: TetMesh | SpringNet = _checked(mesh, rows, distance)
+    made: Mesh
+    if isinstance(mesh, SolidMesh):
+        made = _solid(mesh, first, distance)
+    elif isinstance(mesh, TetMesh):
+        made = _checked(mesh, rows, distance)
     else:
         made = spring_net(mesh.points, rows[rows[:, 0] != rows[:, 1]])
     row_of = np.full(len(first), -1)
@@ -43,12 +47,29 @@ def merged(mesh: TetMesh | SpringNet, distance: float | None = None) -> TetMesh 
         questions=mesh.questions,
         joined=joined,
     )
+    if isinstance(mesh, SolidMesh) and isinstance(made, SolidMesh):
+        return replace(made, regions=mesh.regions, flipped=mesh.flipped, checked=True)
     if isinstance(mesh, TetMesh) and isinstance(made, TetMesh):
         return replace(made, regions=mesh.regions, turned=mesh.turned, checked=True)
     return made
 
 
-def _pairs(mesh: TetMesh | SpringNet, cells: NDArray[np.int32], distance: float | None) -> Ints:
+def _solid(mesh: SolidMesh, first: Ints, distance: float | None) -> SolidMesh:
+    told = "" if distance is None else f" within {distance:g} m"
+    rows = {name: first[getattr(mesh, name)] for name in FIELDS}
+    for name, own in rows.items():
+        ordered = np.sort(own, axis=1)
+        flat = (ordered[:, 1:] == ordered[:, :-1]).any(axis=1)
+        if flat.any():
+            raise MeshError(
+                f"merging nodes{told} joins nodes of one of the {name} (number "
+                f"{int(np.flatnonzero(flat)[0])} of them, counted from 0); give a distance below "
+                "its shortest edge"
+            )
+    return solid_mesh(mesh.points, **rows)
+
+
+def _pairs(mesh: Mesh, cells: NDArray[np.int32], distance: float | None) -> Ints:
     if distance is None:
         return coincident_nodes(mesh.points, cells)
     from scipy.spatial import cKDTree

@@ -96,6 +96,11 @@ class TetMesh:
         """How many cells there are."""
         return len(self.tets)
 
+    @property
+    def carriers(self) -> Ints:
+        """Linear tets that fill the cells, for what the mesh carries, shape (tets, 4)."""
+        return self.tets
+
     @cached_property
     def boundary(self) -> Boundary:
         """Faces of one cell only."""

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tisoft.errors import MeshError
 from tisoft.geometry.checks import check_finite, check_range, index_rows, positions
-from tisoft.geometry.mesh import TetMesh, moved
+from tisoft.geometry.mesh import SolidMesh, SpringNet, TetMesh, moved
 from tisoft.geometry.surface import read_surface
 
 Floats = NDArray[np.float64]
@@ -53,15 +53,15 @@ class Skin:
         return out
 
 
-def skin(mesh: TetMesh, points: ArrayLike, triangles: ArrayLike) -> Skin:
+def skin(mesh: TetMesh | SolidMesh, points: ArrayLike, triangles: ArrayLike) -> Skin:
     """The surface with these points [m] and triangles, carried by the tets of a mesh at rest.
 
     Raises:
         MeshError: a mesh without tets, numbers that are not finite, a triangle with a point that is
             not there, or a surface that lies away from the tets.
     """
-    if not len(mesh.tets):
-        raise MeshError("a skin is carried by tets, and this mesh has none")
+    if isinstance(mesh, SpringNet):
+        raise MeshError("a skin is carried by tets or hexes, and this mesh has none")
     places = positions(points)
     check_finite(places, np.arange(len(places)))
     rows = check_range(index_rows(triangles, 3, "triangle"), "triangle", len(places))
@@ -76,14 +76,14 @@ def skin(mesh: TetMesh, points: ArrayLike, triangles: ArrayLike) -> Skin:
             f"point {worst} of the skin, at ({place}), lies away from the tets; "
             "place both in the same coordinates and units"
         )
-    return Skin(rows.astype(np.int32), mesh.tets[tets].astype(np.int32), weights)
+    return Skin(rows.astype(np.int32), mesh.carriers[tets].astype(np.int32), weights)
 
 
-def _holders(mesh: TetMesh, places: Floats) -> tuple[NDArray[np.int64], Floats]:
+def _holders(mesh: TetMesh | SolidMesh, places: Floats) -> tuple[NDArray[np.int64], Floats]:
     """The tet of every place and the barycentric coordinates in it."""
     from scipy.spatial import cKDTree
 
-    corners = mesh.points[mesh.tets]
+    corners = mesh.points[mesh.carriers]
     origin = corners[:, 0]
     inverse = np.linalg.inv(np.swapaxes(corners[:, 1:] - origin[:, None], 1, 2))
     tree = cKDTree(corners.mean(axis=1))
@@ -91,7 +91,7 @@ def _holders(mesh: TetMesh, places: Floats) -> tuple[NDArray[np.int64], Floats]:
     weights = np.full((len(places), 4), -np.inf)
     left = np.arange(len(places))
     for count in NEIGHBOURS:
-        number = min(count, len(mesh.tets))
+        number = min(count, len(mesh.carriers))
         near = tree.query(places[left], k=number)[1].reshape(len(left), number)
         local = np.einsum("pkij,pkj->pki", inverse[near], places[left, None] - origin[near])
         shares = np.concatenate([1.0 - local.sum(axis=2, keepdims=True), local], axis=2)
@@ -106,7 +106,7 @@ def _holders(mesh: TetMesh, places: Floats) -> tuple[NDArray[np.int64], Floats]:
 
 def read_skin(
     path: str | os.PathLike[str],
-    mesh: TetMesh,
+    mesh: TetMesh | SolidMesh,
     *,
     scale: float = 1.0,
     rotate: Sequence[float] = (0.0, 0.0, 0.0),

@@ -14,6 +14,7 @@ from tisoft.errors import MeshError
 from tisoft.geometry import topology
 from tisoft.geometry.cells import (
     CELLS,
+    HEX8,
     LATTICE,
     QUADRATIC_EDGES,
     SIGNS,
@@ -37,6 +38,13 @@ FLAT = 1e-9
 """Share of a cell's size³ below which the volume at one of its points is none."""
 TOP_FIRST = np.array([4, 5, 6, 7, 0, 1, 2, 3])
 """A hexahedron that is numbered inside out, turned round."""
+SMALL_TETS = np.array(
+    [
+        *([0, 4, 6, 7], [1, 5, 4, 8], [2, 6, 5, 9], [3, 8, 7, 9]),
+        *([4, 9, 7, 8], [4, 9, 8, 5], [4, 9, 5, 6], [4, 9, 6, 7]),
+    ]
+)
+"""Tets that a quadratic tet falls into: four at its corners, four round the edge 4-9."""
 ASTRAY = 0.6
 """Share of an edge's length by which its middle node may lie off the middle."""
 
@@ -150,6 +158,25 @@ class SolidMesh:
     def pieces(self) -> int:
         """Number of parts that share no node."""
         return topology.pieces(self.edges, len(self.points))
+
+    @cached_property
+    def carriers(self) -> Ints:
+        """Linear tets that fill the cells, for what the mesh carries, shape (tets, 4)."""
+        found = [self.tets, self.quadratic_tets[:, SMALL_TETS].reshape(-1, 4)]
+        # Hexahedra are cut from their smallest corner, so that neighbours agree on their faces.
+        first = self.hexes.argmin(axis=1) if len(self.hexes) else np.empty(0, np.int64)
+        for corner in range(8):
+            mine = self.hexes[first == corner]
+            for face in HEX8.faces:
+                if corner not in face:
+                    quad = mine[:, face]
+                    turn = (quad.argmin(axis=1)[:, None] + np.arange(4)) % 4 if len(quad) else None
+                    if turn is None:
+                        continue
+                    quad = np.take_along_axis(quad, turn, axis=1)
+                    apex = mine[:, [corner]]
+                    found += [np.hstack([apex, quad[:, third]]) for third in ([0, 1, 2], [0, 2, 3])]
+        return np.concatenate(found).astype(np.int32)
 
     def transformed(
         self,
@@ -269,10 +296,25 @@ def quadratic(mesh: TetMesh) -> SolidMesh:
     a, b = known // len(mesh.points), known % len(mesh.points)
     middles = 0.5 * (mesh.points[a] + mesh.points[b])
     numbers_of = mesh.kept_nodes.max() + 1 + np.arange(len(middles))
+    told = {name: getattr(mesh, name) for name in TOLD}
+    told["sets"] = tuple(_with_middles(group, mesh, a, b) for group in mesh.sets)
     return SolidMesh(
         np.concatenate([mesh.points, middles]),
         np.concatenate([mesh.kept_nodes, numbers_of]),
         quadratic_tets=np.hstack([mesh.tets, len(mesh.points) + index.reshape(-1, 6)]),
-        **{name: getattr(mesh, name) for name in TOLD},
+        **told,
         checked=True,
     )
+
+
+def _with_middles(group: NodeSet, mesh: TetMesh, a: Ints, b: Ints) -> NodeSet:
+    """A set with the middle nodes of those edges a-b on the surface that lie in it."""
+    span = len(mesh.points)
+    faces = group.faces if len(group.faces) else mesh.surface
+    sides = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).astype(np.int64), axis=1)
+    known = np.isin(a * span + b, sides[:, 0] * span + sides[:, 1])
+    own = np.zeros(span, bool)
+    own[group.nodes] = True
+    more = np.flatnonzero(known & own[a] & own[b]) + span
+    nodes = np.concatenate([group.nodes, more]).astype(np.int32)
+    return NodeSet(group.name, group.tag, nodes, group.faces)

@@ -69,13 +69,22 @@ def batch(block: ti.template(), state: ti.template(), apart: ti.template(), b):
     v = ti.Matrix.zero(block.real, size, lanes)
     if block.is_viscous[block.owner[b]]:
         gather(block, state.velocity, b, v)
-    out = ti.Matrix.zero(block.real, (1 + apart) * size, lanes)
+    out = ti.Matrix.zero(block.real, (1 + apart) * block.element.rows, lanes)
     for q in range(block.points):
         for lane in range(lanes):
             block.element.forces(block.law, rest, u, v, m, q, lane, out)
+    finish(block, rest, out)
     scatter(block, state.force, b, out, 0)
     if ti.static(apart):
         scatter(block, state.viscous_force, b, out, size)
+
+
+@ti.func
+def finish(block: ti.template(), rest: ti.template(), out: ti.template()):
+    """Make corner forces of what the points of elements with several have left in `out`."""
+    if ti.static(block.points > 1):
+        for lane in range(block.lanes):
+            block.element.finish(rest, lane, out)
 
 
 @ti.func

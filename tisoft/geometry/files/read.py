@@ -20,7 +20,7 @@ from tisoft.geometry.files.tetgen import read_tetgen
 from tisoft.geometry.files.text import BYTE_ORDER_MARK
 from tisoft.geometry.files.vtk import read_vtk
 from tisoft.geometry.files.vtu import read_vtu
-from tisoft.geometry.mesh import SpringNet, TetMesh
+from tisoft.geometry.mesh import Mesh
 
 SURFACE_SUFFIXES = (".obj", ".off", ".ply", ".stl", ".svg", ".wkt", ".vtp")
 
@@ -59,15 +59,15 @@ _FAULTS = (ValueError, TypeError, IndexError, KeyError, OverflowError, Attribute
            RecursionError)  # fmt: skip
 
 
-def read_mesh(path: str | os.PathLike[str]) -> TetMesh | SpringNet:
-    """The mesh of a file: tets, or springs where the file holds lines alone.
+def read_mesh(path: str | os.PathLike[str]) -> Mesh:
+    """The mesh of a file: tets, hexahedra, or springs where the file holds lines alone.
 
     Reads Gmsh 1 to 4.1, VTK legacy and XML, Abaqus, TetGen, and every other tetrahedral format of
-    meshio, whatever the suffix.  All blocks, parts and pieces become one mesh; hexahedra, wedges
-    and pyramids are cut in tets, of curved cells the corners are used, unused nodes are dropped and
-    wrongly oriented tets turned round, all told by the mesh; names and numbers of parts of it
-    become regions and sets.  Raises MeshError, one sentence that names the file, for whatever
-    cannot be simulated.
+    meshio, whatever the suffix.  All blocks, parts and pieces become one mesh; hexahedra and
+    10-node tets are read as they are, wedges and pyramids cut in tets, of other curved cells the
+    corners are used, unused nodes are dropped and wrongly oriented cells turned round, all told by
+    the mesh; names and numbers of parts of it become regions and sets.  Raises MeshError, one
+    sentence that names the file, for whatever cannot be simulated.
     """
     path = Path(path)
     try:
