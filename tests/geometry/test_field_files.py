@@ -174,12 +174,14 @@ def test_second_order_tets_are_read_as_they_are_however_their_nodes_are_numbered
     points, tets = second_order(CUBE)
     bent = points.copy()
     bent[8:] += 0.004 * np.random.default_rng(2).uniform(-1, 1, (len(points) - 8, 3))
-    for places, order in ((points, [*range(10)]), (bent, [0, 1, 2, 3, 8, 5, 9, 4, 7, 6])):
+    # Four points take the volume of a curved tet to a few parts in a million.
+    cases = ((points, [*range(10)], 1e-12), (bent, [0, 1, 2, 3, 8, 5, 9, 4, 7, 6], 1e-5))
+    for places, order, digits in cases:
         mesh = read_mesh(tetgen(tmp_path, "c", places, tets[:, order]))
         assert list(mesh.cells) == ["tet10"]
         assert mesh.warnings == ()
         assert np.array_equal(mesh.points, places)
-        assert enclosed(mesh) == pytest.approx(mesh.volumes.sum(), rel=1e-12)
+        assert enclosed(mesh) == pytest.approx(mesh.volumes.sum(), rel=digits)
 
 
 def test_mixed_orders_are_read_by_their_corners_and_told(tmp_path):
@@ -250,7 +252,7 @@ def test_solids_of_all_kinds_are_cut_so_that_neighbours_agree(tmp_path):
 
 def test_what_does_not_meet_or_is_folded_is_told(tmp_path):
     corner = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
-    points = np.concatenate([corner, corner + [0, 0, 1], [[0.5, 0.5, 2]]])
+    points = np.concatenate([corner, corner + np.array([0, 0, 1]), [[0.5, 0.5, 2]]])
     cells = [("hexahedron", [[*range(8)]]), ("tetra", [[4, 5, 6, 8]])]
     meshio.Mesh(points, cells).write(tmp_path / "a.vtu")
     (told,) = read_mesh(tmp_path / "a.vtu").warnings
