@@ -13,8 +13,10 @@
 with p = E/(1 − ν²) and edge lengths a_i = 2/s_i: each part of the field that is linear in one local
 coordinate is a plate in plane stress, which bends as it should with one element through the
 thickness.  The pull-back by F is exact for St. Venant-Kirchhoff bodies to first order in q;
-linear bodies take z = q, and laws that stand strong compression z = Rᵀ q, R the rotation of F,
-for F would take the stabilisation away with it.  Viscosity acts on dz/dt with the same formula of
+linear bodies take z = q, and laws that stand strong compression z = Rᵀ q, R the rotation of
+F = R U, for F would take the stabilisation away with it.  As F changes R turns by
+ω = (tr U I − U)⁻¹ a, a × · = Rᵀ dF − dFᵀ R; in place of M = Σ q_h ⊗ R_h that adds R [y × ·] to V P,
+y = (tr U I − U)⁻¹ b, b × · = RᵀM − MᵀR.  Viscosity acts on dz/dt with the same formula of
 φ and η.
 
 Nodes are counted as a lattice does: corner c at (c & 1, c >> 1 & 1, c >> 2).  All sums are done on
@@ -34,13 +36,25 @@ are free: a cell that is filled in part gives its own mean gradient and volume.
 | p, pν, μ, E | m[n−10..n−7], of φ and η m[n−6..n−3] | Pa, Pa·s |
 """
 
+from typing import Any
+
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
 from tisoft.elements.matrices import each, hooke_blocks, top
 from tisoft.geometry.cells import HEX_POINTS, SIGNS, hex_jacobians
-from tisoft.laws.base import cofactor, green_strain, stretch_square, volume_change
+from tisoft.laws.base import (
+    cofactor,
+    diagonal,
+    green_strain,
+    largest_eigenvalue,
+    stretch_square,
+    symmetric,
+    times,
+    transposed_times,
+    volume_change,
+)
 
 Floats = NDArray[np.float64]
 
@@ -106,13 +120,103 @@ def hooke_of_modes(rest: ti.template(), lane, z, m, at: ti.template()):
     return R
 
 
+def turns(law: Any) -> bool:
+    """Whether amplitudes are pulled back by the rotation of F alone."""
+    return bool(getattr(law, "stands_compression", False))
+
+
+@ti.func
+def rotation(F):
+    """R of F = R U, by Newton's iteration R ← (R + R⁻ᵀ)/2 (Higham 1986)."""
+    R = F
+    for _ in range(9):
+        C = cofactor(R)
+        det = R[0, 0] * C[0, 0] + R[0, 1] * C[0, 1] + R[0, 2] * C[0, 2]
+        if ti.abs(det) < 1e-12:
+            det = 1e-12 + 0.0 * det
+        R = 0.5 * (R + C / det)
+    return R
+
+
+@ti.func
+def crossing(a):
+    """The matrix of a × ·."""
+    z = 0.0 * a[0]
+    return ti.Matrix([[z, -a[2], a[1]], [a[2], z, -a[0]], [-a[1], a[0], z]])
+
+
+@ti.func
+def skewed(R, A):
+    """a of RᵀA − AᵀR = a × ·."""
+    B = transposed_times(R, A)
+    return ti.Vector([B[2, 1] - B[1, 2], B[0, 2] - B[2, 0], B[1, 0] - B[0, 1]])
+
+
+@ti.func
+def turning(R, F, a):
+    """(tr U I − U)⁻¹ a: how fast R turns, of what `skewed` tells of a change of F."""
+    U = symmetric(transposed_times(R, F))
+    C = cofactor(diagonal(U.trace()) - U)
+    Y = diagonal(U.trace()) - U
+    det = Y[0, 0] * C[0, 0] + Y[0, 1] * C[0, 1] + Y[0, 2] * C[0, 2]
+    if ti.abs(det) < 1e-12:
+        det = 1e-12 + 0.0 * det
+    return C @ a / det
+
+
 @ti.func
 def pulling(law: ti.template(), H):
-    """What amplitudes are pulled back by, less I: H, or 0 for small strains."""
+    """What amplitudes are pulled back by, less I: H, R − I, or 0 for small strains."""
     T = 0.0 * H
     if ti.static(law.is_finite):
         T = H
+        if ti.static(turns(law)):
+            one = diagonal(0.0 * H[0, 0] + 1.0)
+            T = rotation(one + H) - one
     return T
+
+
+@ti.func
+def pulling_rate(law: ti.template(), H, T, G):
+    """Its derivative along the change G of H."""
+    dT = 0.0 * G
+    if ti.static(law.is_finite):
+        dT = G
+        if ti.static(turns(law)):
+            one = diagonal(0.0 * H[0, 0] + 1.0)
+            R, F = one + T, one + H
+            dT = times(R, crossing(turning(R, F, skewed(R, G))))
+    return dT
+
+
+@ti.func
+def back(law: ti.template(), H, T, M):
+    """∂/∂F of M : (I + T) [N·m]: what the pull-back adds to V P, M = Σ q_h ⊗ R_h."""
+    P = 0.0 * M
+    if ti.static(law.is_finite):
+        P = M
+        if ti.static(turns(law)):
+            one = diagonal(0.0 * H[0, 0] + 1.0)
+            R, F = one + T, one + H
+            P = times(R, crossing(turning(R, F, skewed(R, M))))
+    return P
+
+
+@ti.func
+def back_rate(law: ti.template(), H, T, M, dM, G):
+    """The derivative of `back` along the change G of H, which changes M by dM."""
+    P = 0.0 * M
+    if ti.static(law.is_finite):
+        P = dM
+        if ti.static(turns(law)):
+            one = diagonal(0.0 * H[0, 0] + 1.0)
+            R, F = one + T, one + H
+            dR = pulling_rate(law, H, T, G)
+            y = turning(R, F, skewed(R, M))
+            dU = symmetric(transposed_times(dR, F) + transposed_times(R, G))
+            left = skewed(dR, M) + skewed(R, dM) - (dU.trace() * y - dU @ y)
+            P = times(dR, crossing(y)) + times(R, crossing(turning(R, F, left)))
+    return P
 
 
 @ti.func
@@ -161,16 +265,17 @@ def hex_forces(
     k = ti.static(m.n - 10)
     V = rest[3, lane]
     z = kind.local(rest, pulled(q, T), lane)
-    dz = kind.local(rest, pulled(dq, T) + pulled(q, pulling(law, D)) - q, lane)
+    dz = kind.local(rest, pulled(dq, T) + pulled(q, pulling_rate(law, H, T, D)) - q, lane)
     Rv = kind.world(rest, hooke_of_modes(rest, lane, dz, m, k + 4), lane)
     R = kind.world(rest, hooke_of_modes(rest, lane, z, m, k), lane) + Rv
     Pv = law.viscosity.stress(H, D, m[k + 8], m[k + 9])
     P = V * (law.stress(H, m) + Pv)
     Pv = V * Pv
     if ti.static(law.is_finite):
-        P += outer(q, R)
-        Pv += outer(q, Rv)
+        P += back(law, H, T, outer(q, R))
     if ti.static(out.n > 24):
+        if ti.static(law.is_finite):
+            Pv += back(law, H, T, outer(q, Rv))
         spread_differences(kind.drop(rest, -Pv, -pushed(Rv, T), lane), 24, lane, out)
     spread_differences(kind.drop(rest, -P, -pushed(R, T), lane), 0, lane, out)
 
@@ -198,7 +303,8 @@ def hex_product(
     """K(u) w [N]."""
     H, q = kind.lift(rest, differences(u, lane), lane)
     G, dq = kind.lift(rest, differences(w, lane), lane)
-    T, dT = pulling(law, H), pulling(law, G)
+    T = pulling(law, H)
+    dT = pulling_rate(law, H, T, G)
     k = ti.static(m.n - 10)
     z = kind.local(rest, pulled(q, T), lane)
     dz = kind.local(rest, pulled(dq, T) + pulled(q, dT) - q, lane)
@@ -206,7 +312,7 @@ def hex_product(
     dR = kind.world(rest, hooke_of_modes(rest, lane, dz, m, k), lane)
     P = rest[3, lane] * law.tangent(H, G, m)
     if ti.static(law.is_finite):
-        P += outer(dq, R) + outer(q, dR)
+        P += back_rate(law, H, T, outer(q, R), outer(dq, R) + outer(q, dR), G)
     spread_differences(kind.drop(rest, P, pushed(dR, T) + pushed(R, dT) - R, lane), 0, lane, out)
 
 
@@ -228,6 +334,11 @@ def hex_stiffened(
         square = stretch_square(green_strain(H))
         size2 = contracted4(q)
         first = ti.sqrt(square * size2)
+        if ti.static(turns(law)):
+            # The rotation turns by |dF| over the sum of two stretches, and bends by its square.
+            thin = ti.max(1.0 - 2.0 * largest_eigenvalue(-green_strain(H)), 0.01 + 0.0 * square)
+            first = ti.sqrt(size2 / thin)
+            size2 = 4.0 * size2 / thin
         omega2 = ti.max(grown[0], square) * known[0] + grown[1] * known[2]
         omega2 += 4.0 * first * known[4] + size2 * known[5]
         rate = ti.max(grown[2], square) * known[1] + 2.0 * first * known[6] + size2 * known[7]

@@ -17,6 +17,8 @@ A law is a class without state (see `st_venant` for a short one):
 |                       | b [Pa] in every direction, and its viscosity c times that at rest       |
 | `viscosity`           | the viscous stress that goes with it (`viscous`)                        |
 | `is_finite`           | whether it holds for large rotations (its strain is Green's)            |
+| `stands_compression`  | optional, True where it keeps its stiffness however flat it is pressed: |
+|                       | hexahedra then keep theirs (`elements.hex8`)                            |
 """
 
 import taichi as ti

@@ -34,6 +34,7 @@ class NeoHookean:
     """The law of `NeoHookean` bodies."""
 
     is_finite = True
+    stands_compression = True
     viscosity = GreenRate
 
     @staticmethod
