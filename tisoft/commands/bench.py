@@ -15,6 +15,7 @@ HELP = "how fast this machine is"
 EXAMPLES = """examples:
   tisoft bench
   tisoft bench --render
+  tisoft bench --accuracy
   tisoft bench --sizes S XL --models viscoelastic --seconds 2 --json"""
 
 
@@ -33,6 +34,10 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--render", action="store_true", help="pictures instead: ms a frame, stage by stage"
     )
+    parser.add_argument(
+        "--accuracy", action="store_true",
+        help="errors against cost instead: beams of each element, and what 2 %% of error costs",
+    )  # fmt: skip
     parser.add_argument("--no-compile", action="store_true", help="do not time compiling")
     common.add_machine(parser)
     common.add_output(parser)
@@ -44,6 +49,8 @@ def execute(options: argparse.Namespace) -> int:
         raise SceneError(f"--seconds is {options.seconds:g}; give a time above 0, as 1")
     if options.render:
         return _render(options)
+    if options.accuracy:
+        return _accuracy(options)
     precision = options.precision or "f32"
     rows = []
     for model in options.models:
@@ -58,6 +65,24 @@ def execute(options: argparse.Namespace) -> int:
         print(as_json({"status": "done", "cores": runtime.threads(), "results": rows}))
     elif not options.quiet:
         print(as_text(rows))
+    return 0
+
+
+def _accuracy(options: argparse.Namespace) -> int:
+    """Solve and time beams of each element and report."""
+    from tisoft import bench_accuracy
+
+    rows = []
+    for element, meshes in bench_accuracy.CELLS.items():
+        for cells in meshes:
+            if not options.quiet and sys.stderr.isatty():
+                print(f"{element}, {'x'.join(str(n) for n in cells)} cells …", file=sys.stderr)
+            rows.append(bench_accuracy.measure(element, cells, arch=options.arch))
+    if options.json:
+        found = bench_accuracy.summary(rows)
+        print(as_json({"status": "done", "results": rows, "cost_of_2_percent": found}))
+    elif not options.quiet:
+        print(bench_accuracy.as_text(rows))
     return 0
 
 

@@ -22,12 +22,12 @@ class AtRest:
     def __init__(self, part: Part) -> None:
         self.part = part
         self.nodes = len(part.order)
-        self._stiffness = _matrix(part, "elastic")
+        self.stiffness = _matrix(part, "elastic")
         self._viscosity = _matrix(part, "viscous") if part.is_viscous() else None
 
     def stiffness_times(self, w: Floats, u: Floats | None = None) -> Floats:
         """K w [N], shape (nodes, 3)."""
-        product: Floats = (self._stiffness @ w.ravel()).reshape(-1, 3)
+        product: Floats = (self.stiffness @ w.ravel()).reshape(-1, 3)
         return product
 
     def viscosity_times(self, w: Floats, u: Floats | None = None) -> Floats:
