@@ -41,13 +41,15 @@ if TYPE_CHECKING:
     )
     from tisoft.scene_file import load_scene
     from tisoft.simulation import Frame, Simulation
+    from tisoft.sweeping.sweep import Sweep, sweep
 
 __all__ = [
     "Body", "Box", "Camera", "Diverged", "Frame", "Linear", "Load", "MassSpring", "MassTensor",
     "MeshError", "NeoHookean", "NoEquilibrium", "Pin", "Plane", "Probe", "RegionMaterial", "Render",
-    "Scene", "SceneError", "Simulation", "Skin", "Sphere", "SpringNet", "TetMesh", "TisoftError",
-    "Torque", "Turn", "ViscoElastic", "ball", "box", "cage", "cloth", "cylinder", "grid",
-    "load_scene", "net", "read_mesh", "read_skin", "read_surface", "skin", "tet_mesh", "where",
+    "Scene", "SceneError", "Simulation", "Skin", "Sphere", "SpringNet", "Sweep", "TetMesh",
+    "TisoftError", "Torque", "Turn", "ViscoElastic", "ball", "box", "cage", "cloth", "cylinder",
+    "grid", "load_scene", "net", "read_mesh", "read_skin", "read_surface", "skin", "sweep",
+    "tet_mesh", "where",
 ]  # fmt: skip
 
 _HOMES = {
@@ -66,6 +68,7 @@ _HOMES = {
     ),
     "tisoft.scene_file": ("load_scene",),
     "tisoft.simulation": ("Frame", "Simulation"),
+    "tisoft.sweeping.sweep": ("Sweep", "sweep"),
 }  # fmt: skip
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 

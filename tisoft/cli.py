@@ -14,7 +14,9 @@ from typing import NoReturn
 from tisoft import stops
 from tisoft.errors import TisoftError
 
-COMMANDS = ("demo", "run", "render", "check", "bench", "static", "modes", "stability")
+COMMANDS = (
+    "demo", "run", "render", "check", "bench", "static", "modes", "stability", "sweep"
+)  # fmt: skip
 
 DESCRIPTION = "Soft bodies in Taichi that know how far they can be trusted."
 EPILOG = """start with:

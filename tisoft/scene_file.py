@@ -61,19 +61,29 @@ def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
         SceneError: one sentence with the file, the key and its path, the value, and what to do.
     """
     source = Path(path)
-    document = _read(source)
-    settings = [" ".join(assignment.split())[:100] for assignment in overrides]
-    for setting, assignment in zip(settings, overrides, strict=True):
-        try:
-            override(document, assignment)
-        except FieldError as error:
-            raise SceneError(f"{source}, --set {setting}: {error}") from None
+    document = document_of(source, overrides)
+    settings = [_short(assignment) for assignment in overrides]
     try:
         with np.errstate(all="ignore"):  # what leaves the range of floats is refused by name
             return _scene(document, source.parent)
     except FieldError as error:
         label = "".join([str(source), *(f", --set {setting}" for setting in settings)])
         raise SceneError(f"{label}: {_as_written(document, error)}") from None
+
+
+def document_of(path: str | Path, overrides: Sequence[str] = ()) -> Table:
+    """The tables of a scene file with settings; raises SceneError as `load_scene` does."""
+    document = _read(Path(path))
+    for assignment in overrides:
+        try:
+            override(document, assignment)
+        except FieldError as error:
+            raise SceneError(f"{path}, --set {_short(assignment)}: {error}") from None
+    return document
+
+
+def _short(assignment: str) -> str:
+    return " ".join(assignment.split())[:100]
 
 
 def _as_written(document: Table, error: FieldError) -> FieldError:

@@ -105,12 +105,12 @@ def override(document: Table, assignment: str) -> None:
         if isinstance(place, list):
             index = _index(place, steps[:i], step)
             if last:
-                place[index] = _toml_value(text)
+                place[index] = toml_value(text)
             else:
                 place = place[index]
         elif isinstance(place, dict):
             if last:
-                place[step] = _toml_value(text)
+                place[step] = toml_value(text)
             else:
                 counted = steps[i + 1].isdecimal()
                 place = place.setdefault(step, [] if counted else {})
@@ -135,7 +135,7 @@ def _path(steps: list[str]) -> str:
     return path
 
 
-def _toml_value(text: str) -> Any:
+def toml_value(text: str) -> Any:
     """The text as a TOML value; as itself where it is none."""
     try:
         parsed = parse_toml(f"value = {text}")

@@ -16,6 +16,7 @@ from tisoft.errors import MeshError
 from tisoft.geometry import shapes
 from tisoft.geometry.merging import merged
 from tisoft.geometry.mesh import Mesh, SpringNet, TetMesh
+from tisoft.geometry.refinement import refined
 from tisoft.geometry.skin import Skin, read_skin
 from tisoft.geometry.solid import quadratic
 from tisoft.models.materials import MassSpring, Model
@@ -135,7 +136,7 @@ def build_mesh(table: Any, field: str, folder: Path, model: Model) -> Mesh:
     Raises:
         FieldError: the key with its path, its value, and what to do.
     """
-    check_keys(table, field, (*SOURCES, *TRANSFORM, "merge", "cage", "element"))
+    check_keys(table, field, (*SOURCES, *TRANSFORM, "merge", "refine", "cage", "element"))
     source = checks.exactly_one(field, {key: table.get(key) for key in SOURCES})
     with inside(field):
         transform = _transform(table)
@@ -164,6 +165,9 @@ def build_mesh(table: Any, field: str, folder: Path, model: Model) -> Mesh:
         if merge is not False:
             path = field
             mesh = merged(mesh, None if merge is True else merge)
+        if "refine" in table:
+            path = joined(field, "refine")
+            mesh = _refined(path, table["refine"], mesh)
         if cells:
             path = joined(field, "cage")
             mesh = scene_cage.cage_of_mesh(mesh, cells)
@@ -192,6 +196,16 @@ def _of_element(field: str, value: Any, mesh: Mesh) -> Mesh:
     has = ", ".join(mesh.cells) or "springs alone"
     remedy = 'split = "hex" makes hexes of a box' if wanted == "hex8" else "leave the key out"
     raise FieldError(field, f"cannot be had: the mesh has {has}; {remedy}", value)
+
+
+def _refined(field: str, value: Any, mesh: Mesh) -> Mesh:
+    """The mesh with its tets cut into eight, `value` times over."""
+    times = checks.integer(field, value)
+    if mesh.elements * 8.0**times > MOST_ELEMENTS:
+        raise FieldError(field, f"makes more than {MOST_ELEMENTS:,} tets; take less", value)
+    if times and not isinstance(mesh, TetMesh):
+        raise FieldError(field, "cuts linear tets, and this mesh has none; leave it out", value)
+    return refined(mesh, times)
 
 
 def _scale(table: Table) -> float:

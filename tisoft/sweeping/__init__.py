@@ -1,0 +1,1 @@
+"""Sweeps: every combination of scene keys, a row each."""
