@@ -50,7 +50,7 @@ def _of_scene(scene: Scene) -> Iterator[str]:
 def _of_body(body: Body, scene: Scene) -> Iterator[str]:
     name, model = f'body "{body.name}"', body.model
     for number, obstacle in enumerate(scene.obstacles):
-        count = int((depth_inside(obstacle, body.mesh.points) > 0.0).sum())
+        count = int((depth_inside(obstacle, touching(body)) > 0.0).sum())
         if count:
             yield (
                 f"{name} starts with {count} nodes inside obstacle[{number}] and will be pushed "
@@ -77,6 +77,12 @@ def _of_body(body: Body, scene: Scene) -> Iterator[str]:
                 'St. Venant-Kirchhoff softens and may turn inside out; model = "neo-hookean" '
                 "stands it, and so does a larger young"
             )
+
+
+def touching(body: Body) -> Floats:
+    """Places of what meets obstacles [m]: nodes, or points of the surface that a cage carries."""
+    points = body.mesh.points
+    return points if body.carried is None else body.carried.skin.carried(points)
 
 
 def depth_inside(obstacle: Obstacle, points: Floats) -> Floats:

@@ -18,10 +18,14 @@ from tisoft.geometry.topology import morton_order
 from tisoft.models.materials import SolidModel
 
 if TYPE_CHECKING:
-    from tisoft.geometry.cage.build import Cage
+    pass
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
+
+EVENED, MANY = 4, 4000
+"""Times that the masses of a cage's nodes are split among its cells anew, and cells from which on
+once has to do."""
 
 
 @dataclass(eq=False)
@@ -42,9 +46,9 @@ class Cells:
     """Number of the model among those of the body (`Body.materials`)."""
     place: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
     """Batch · lanes + lane of each cell in its block."""
-    shares: Floats | None = None
-    """Mass of each corner over the density [m³], shape (cells, corners), where it is not an equal
-    share of the volume."""
+    lumps: Floats | None = None
+    """Mass of each of the body's nodes over the density [m³], where it is not what the cells' equal
+    shares add up to."""
     _known: dict[tuple[str, float, float], Floats] = field(default_factory=dict)
 
     @cached_property
@@ -99,7 +103,7 @@ class Cells:
         zero = np.zeros(len(omega2))
         damping = scale * self._of("frequency", *rate) if viscous else zero
         lighter = self._lighter
-        columns = [omega2, damping, scale * lighter * self._spread, self.volume]
+        columns = [omega2, damping, scale * lighter * self._spread, self._weight]
         if self.element.known > len(columns):
             more = lighter[:, None] * self._of("swinging", *elastic)
             slow = lighter[:, None] * self._of("swinging", *rate) if viscous else 0 * more
@@ -109,9 +113,42 @@ class Cells:
     @property
     def _lighter(self) -> Floats:
         """How many times lighter than an equal share each cell's lightest corner is."""
-        if self.shares is None:
+        if self.lumps is None:
             return np.ones(len(self.volume))
-        return np.asarray(self.volume / self.shares.shape[1] / self.shares.min(axis=1))
+        own = self._shares(self._weight).min(axis=1)
+        return np.asarray(self.volume / self.nodes.shape[1] / own)
+
+    def _shares(self, weight: Floats) -> Floats:
+        """The nodes' masses over the density split among their cells in proportion to `weight`
+        [m³], shape (cells, corners).  Any split bounds the frequencies (Irons and Treharne 1971).
+        """
+        assert self.lumps is not None
+        corners = self.nodes.shape[1]
+        total = np.bincount(self.nodes.ravel(), np.repeat(weight, corners), len(self.lumps))
+        return np.asarray(weight[:, None] * (self.lumps / total)[self.nodes])
+
+    @cached_property
+    def _weight(self) -> Floats:
+        """What a cell counts with in its nodes' bounds: its volume; where masses are no sum of
+        volumes, as much of its nodes as makes all cells about equally fast.
+        """
+        weight = self.volume.copy()
+        if self.lumps is None:
+            return weight
+        lam, mu = self.elastic
+        for _ in range(EVENED if len(weight) < MANY else 1):
+            omega2 = self._frequency(self._shares(weight), lam, mu)
+            weight *= np.sqrt(omega2 / omega2.mean())
+        return weight
+
+    def _frequency(self, shares: Floats, lam: float, mu: float) -> Floats:
+        """ω² [1/s²] of the stiffest mode of each cell with density 1 and the given corners."""
+        root = np.repeat(1.0 / np.sqrt(shares), 3, axis=1)
+        found = []
+        for own in np.array_split(np.arange(len(root)), 1 + len(root) // AT_ONCE):
+            each = self.element.matrices(self.rest[own], lam, mu)
+            found.append(top(root[own, :, None] * each * root[own, None]))
+        return np.concatenate(found)
 
     def _of(self, name: str, lam: float, mu: float) -> Floats:
         """A function of the element that is proportional to its constants: found once for each
@@ -124,18 +161,9 @@ class Cells:
         return (mu if mu > 0.0 else lam) * self._known[key]
 
     def _found(self, name: str, lam: float, mu: float) -> Floats:
-        if name != "frequency" or self.shares is None:
-            return np.asarray(getattr(self.element, name)(self.rest, lam, mu), np.float64)
-        root = np.repeat(1.0 / np.sqrt(self.shares), 3, axis=1)
-        found = [
-            top(
-                root[own, :, None]
-                * self.element.matrices(self.rest[own], lam, mu)
-                * root[own, None]
-            )
-            for own in np.array_split(np.arange(len(root)), 1 + len(root) // AT_ONCE)
-        ]
-        return np.concatenate(found)
+        if name == "frequency" and self.lumps is not None:
+            return self._frequency(self._shares(self._weight), lam, mu)
+        return np.asarray(getattr(self.element, name)(self.rest, lam, mu), np.float64)
 
     @cached_property
     def _spread(self) -> Floats:
@@ -180,25 +208,8 @@ def _cells_of_cage(mesh: Mesh, center: Floats, rank: NDArray[np.int64], model: A
     order = morton_order(mesh.points[rows].mean(axis=1))
     own = rows[order]
     rest = Hex8.filled(mesh.points - center, own, cage.moments[order])
-    shares = _shares(rest, own, cage)
-    return Cells(Hex8, rank[own].astype(np.int32), rest, order, model, shares=shares)
-
-
-def _shares(rest: Floats, nodes: NDArray[np.integer], cage: Cage) -> Floats:
-    """Mass of each node over the density [m³] split among its cells, shape (cells, 8).
-
-    Any split bounds the frequency by that of the cells alone (Irons and Treharne 1971); one in
-    proportion to the stiffness of the corners, Σ_q V |b_a|² and the hourglass modes' own, is close.
-    """
-    from tisoft.elements.hex8 import Hex8
-
-    volume = rest[:, 3]
-    mass = np.bincount(nodes.ravel(), np.repeat(volume / 8.0, 8), len(cage.factor)) * cage.factor
-    stiff = np.concatenate(
-        [
-            np.einsum("eaiai->ea", Hex8.matrices(part, 1.0, 1.0).reshape(-1, 8, 3, 8, 3))
-            for part in np.array_split(rest, 1 + len(rest) // AT_ONCE)
-        ]
-    )
-    total = np.bincount(nodes.ravel(), stiff.ravel(), len(mass))
-    return np.asarray(stiff * (mass / total)[nodes])
+    nodes = rank[own].astype(np.int32)
+    each = np.repeat(rest[:, 3] / 8.0, 8)
+    lumps: Floats = np.bincount(nodes.ravel(), each, len(rank)).astype(np.float64)
+    lumps[rank] = lumps[rank] * cage.factor
+    return Cells(Hex8, nodes, rest, order, model, lumps=lumps)

@@ -93,6 +93,16 @@ class Part:
         return np.concatenate([np.empty(0, np.int64), *[cells.order for cells in self.solids]])
 
     @property
+    def touches(self) -> bool:
+        """Whether a surface that it carries meets obstacles, and its nodes do not."""
+        return self.body.carried is not None
+
+    def touching_points(self) -> NDArray[np.int64]:
+        """The points of it that do."""
+        carried = self.body.carried
+        return np.empty(0, np.int64) if carried is None else carried.outermost()
+
+    @property
     def pressed_rows(self) -> int:
         """Rows of `State.pressure_ends` that its pressures take at the most: those of all faces of
         a mesh, and of a carried surface, which needs many, those that are there from the start.

@@ -22,10 +22,12 @@ FRAMES = 64
 """Frames that a launch may make and record."""
 
 A = ti.types.ndarray()
-RANGES = 17
+RANGES = 19
 """Columns of `State.ranges`: first and last node, then first and last part of each block."""
 INPUTS = 16
 """Column of `State.ranges`: row of `Inputs.scene`, where something acts in time."""
+TOUCH = 17
+"""Column of `State.ranges`: first point of `Touch`, then one past the last."""
 ORDERS = (
     FIRST, LAST, PASSES, THREADS, LOADED, DONE, TRIPPED, PROBES, PROBE, RECORDS, CHUNKS, TASK
 ) = tuple(range(12))  # fmt: skip
@@ -104,6 +106,8 @@ class State:
         """Force of loads that keep their direction, and of torques [N]."""
         self.pressed = field(vec3, "nodes")
         """Force of pressures [N]."""
+        self.pull = field(vec3, "nodes")
+        """a of this substep [m/s²], where carried surfaces meet obstacles and a ledger is kept."""
         self.pressure_start = field(ti.i32, "nodes")
         """Where its rows of `pressure_ends` begin."""
         self.copy_start = field(ti.i32, "nodes")

@@ -24,6 +24,7 @@ from tisoft.model.layout import Batches, copies_of, in_batches, lanes_of
 from tisoft.model.mass import ConsistentMass, mass_rows
 from tisoft.model.part import Part, parts_of
 from tisoft.model.state import State
+from tisoft.model.touch import Touch
 
 Floats = NDArray[np.float64]
 
@@ -106,6 +107,7 @@ class System:
             self.shares.append(self._lend_cells(pool, key, members, batches))
             self._write_cells(self.shares[-1], copies)
         self.mass_lease = self._lend_mass(pool) if self.consistent else None
+        self.touch_lease = self._lend_touch(pool)
         self._write_scene()
 
     def _lend_nodes(self, pool: Pool, copies: int) -> None:
@@ -175,9 +177,17 @@ class System:
         drag = np.array([p.body.model.point_damping for p in self.parts] + [0.0])
         starts = np.zeros(len(drag), np.int32)
         if self.obstacle_lease is not None:
-            row, count = self.obstacle_lease.starts["obstacles"], self._obstacles
-            starts = (row + count * np.arange(len(drag))).astype(np.int32)
+            starts = self._obstacle_starts()
         self.state.write_bodies(self.lease.starts["bodies"], self._reals(drag), starts)
+
+    def _obstacle_starts(self) -> NDArray[np.int32]:
+        """First row of the obstacles of each body's nodes, and one past the last: none for bodies
+        whose surface meets them instead; those have theirs after all others.
+        """
+        assert self.obstacle_lease is not None
+        own = [0 if part.touches else self._obstacles for part in self.parts]
+        starts = np.concatenate([[0], np.cumsum(own)]) + self.obstacle_lease.starts["obstacles"]
+        return starts.astype(np.int32)
 
     def _write_cells(self, share: Share, copies: Any) -> None:
         batches, block = share.batches, share.block
@@ -214,6 +224,31 @@ class System:
         self._write_mass_rows(lease, rows, cols, values)
         return lease
 
+    def _lend_touch(self, pool: Pool) -> Lease | None:
+        """Room for the points of carried surfaces that meet obstacles, filled; None without any."""
+        points = {id(p): p.touching_points() for p in self.parts if p.touches}
+        self._touching = np.repeat(
+            np.arange(len(self.parts)), [len(points.get(id(p), ())) for p in self.parts]
+        )
+        if not points:
+            return None
+        corners, shares = [], []
+        for part in self.parts:
+            if part.touches:
+                skin, own = part.body.skin, points[id(part)]
+                assert skin is not None
+                corners.append(part.rank[skin.corners[own]] + part.start + self.first)
+                shares.append(skin.weights[own])
+        lease = self._keep(
+            pool.lend(Touch, (self.precision, corners[0].shape[1]), {"points": len(self._touching)})
+        )
+        lease.fields.write(
+            lease.starts["points"],
+            np.concatenate(corners).astype(np.int32),
+            self._reals(np.concatenate(shares)),
+        )
+        return lease
+
     def _write_mass_rows(self, lease: Lease, rows: Any, cols: Any, values: Floats) -> None:
         node, entry = lease.starts["nodes"], lease.starts["entries"]
         starts = np.searchsorted(rows, np.arange(self.count + 1)) + entry
@@ -244,6 +279,9 @@ class System:
         for k, share in enumerate(self.shares):
             row = share.row("parts")
             ranges[2 + 2 * k : 4 + 2 * k] = row, row + share.batches.parts
+        if self.touch_lease is not None:
+            row = self.touch_lease.starts["points"]
+            ranges[columns.TOUCH : columns.TOUCH + 2] = row, row + len(self._touching)
         ranges[15] = 0 if self.mass_lease is None else self.mass_lease.starts["nodes"]
         orders = np.zeros(len(columns.ORDERS), np.int32)
         orders[columns.PASSES] = orders[columns.THREADS] = 1
@@ -322,7 +360,15 @@ class System:
             needs = {"obstacles": count * len(self.parts)}
             self.obstacle_lease = self._keep(Lease(self.lease.arena, needs))
             self.write_bodies()
-        rows = [[*o.numbers(p.origin), o.friction] for p in self.parts for o in obstacles]
+        parts = sorted(self.parts, key=lambda part: part.touches)
+        rows = [[*o.numbers(p.origin), o.friction] for p in parts for o in obstacles]
+        if self.touch_lease is not None:
+            nth = np.cumsum([part.touches for part in self.parts]) - 1
+            first = self._obstacle_starts()[-1] + count * nth[self._touching]
+            row = self.touch_lease.starts["points"]
+            self.touch_lease.fields.write_obstacles(
+                row, first.astype(np.int32), (first + count).astype(np.int32)
+            )
         if rows:
             self.state.write_obstacles(
                 self.obstacle_lease.starts["obstacles"],

@@ -9,8 +9,20 @@ from typing import Any
 
 import taichi as ti
 
-from tisoft.model.state import CHUNK, DONE, FIRST, LAST, MOVE, PASSES, PUSH, SUM, TASK, TRIPPED
-from tisoft.step import consistent_mass, driving, external, forces, record
+from tisoft.model.state import (
+    CHUNK,
+    DONE,
+    FIRST,
+    LAST,
+    MOVE,
+    PASSES,
+    PUSH,
+    SUM,
+    TASK,
+    TOUCH,
+    TRIPPED,
+)
+from tisoft.step import consistent_mass, driving, external, forces, record, touch
 from tisoft.step.substep import begin_solve, move_solved, node, now_of
 
 
@@ -71,6 +83,12 @@ def make_advance(s: Any) -> Any:
             move_solved(s, i, i + back, now_of(s, scene, number, passes))
 
     @ti.kernel
+    def meet_obstacles(scene: int, number: int, passes: int):
+        ti.loop_config(serialize=True)  # one point after the other, as on the CPU
+        for p in range(s.state.ranges[scene, TOUCH], s.state.ranges[scene, TOUCH + 1]):
+            touch.meet_obstacles(s, p, now_of(s, scene, number, passes))
+
+    @ti.kernel
     def sum_up(scene: int):
         for chunk in range((s.state.ranges[scene, 1] - s.state.ranges[scene, 0] - 1) // CHUNK + 1):
             record.sum_chunk(s, scene, chunk)
@@ -107,6 +125,8 @@ def make_advance(s: Any) -> Any:
             push(scene, number % passes, passes)
             if task == MOVE:
                 nodes(scene, number % passes, passes)
+                if s.touches:
+                    meet_obstacles(scene, number % passes, passes)
             if task != PUSH and (number + 1) % passes == 0:
                 sum_up(scene)
                 write(scene, (number + 1) // passes - 1)

@@ -13,8 +13,8 @@ from typing import Any
 
 import taichi as ti
 
-from tisoft.model.state import DONE, FIRST, LAST, MOVE, PASSES, PUSH, TASK, THREADS, TRIPPED
-from tisoft.step import consistent_mass, driving, external, forces, record
+from tisoft.model.state import DONE, FIRST, LAST, MOVE, PASSES, PUSH, TASK, THREADS, TOUCH, TRIPPED
+from tisoft.step import consistent_mass, driving, external, forces, record, touch
 from tisoft.step.substep import begin_solve, move_solved, node, now_of
 
 SLICE = 512
@@ -111,6 +111,13 @@ def walk(s: ti.template(), scene, t, threads):
                     node(s, i, now)
         phase += 1
         meet(s, scene, phase, threads)
+        if ti.static(s.touches):
+            if task == MOVE:
+                if t == 0:
+                    for p in range(s.state.ranges[scene, TOUCH], s.state.ranges[scene, TOUCH + 1]):
+                        touch.meet_obstacles(s, p, now)
+                phase += 1
+                meet(s, scene, phase, threads)
         number += 1
         if task != PUSH and number % passes == 0:
             record.sum_up(s, scene, t, threads)

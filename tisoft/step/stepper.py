@@ -85,6 +85,7 @@ class Stepper:
             rules.ledger,
             system.mass_lease.fields if system.mass_lease is not None else None,
             schedule.fields if schedule is not None else None,
+            system.touch_lease.fields if rules.contact and system.touch_lease else None,
         )
         self._call = 0.0
         """Seconds that calling several threads takes, which a short trial must not count."""
@@ -93,7 +94,7 @@ class Stepper:
     def _kernel(self) -> Any:
         """advance(scene), compiled once for the fields that it touches and the rules."""
         structure, alone, on_cpu = self.structure, self.pace.most == 1, runtime.on_cpu()
-        fields = (*structure.blocks, structure.mass, structure.inputs)
+        fields = (*structure.blocks, structure.mass, structure.inputs, structure.touch)
         key = ("advance", *fields, self.rules, alone, on_cpu)
         return self.system.lease.arena.kernel(
             key, lambda: make_advance(structure, alone) if on_cpu else make_launches(structure)

@@ -9,6 +9,7 @@
        with consistent mass:      M a = f                        consistent_mass
     4. it moves:                  Δv = h a,  Δx = h (v + Δv)     symplectic_euler (or another file)
        past obstacles and pins                                   contact, fixed
+       as do surfaces that bodies carry                          touch
     5. what that did to its energy                               ledger
 
 All functions of this folder take the Structure `s`, or its State, and say which fields they read
@@ -37,6 +38,8 @@ class Structure:
     """Fields of the consistent mass matrix, or None where all masses are lumped."""
     inputs: Any = None
     """Fields of what acts in time, or None where nothing does."""
+    touch: Any = None
+    """Fields of points of carried surfaces that meet obstacles, or None where none do."""
 
     @property
     def consistent(self) -> bool:
@@ -47,6 +50,11 @@ class Structure:
     def driven(self) -> bool:
         """Whether something acts in time."""
         return self.inputs is not None
+
+    @property
+    def touches(self) -> bool:
+        """Whether carried surfaces meet obstacles."""
+        return self.touch is not None
 
 
 @ti.func
@@ -62,6 +70,8 @@ def move(s: ti.template(), i, a, f, now):
     """Steps 4 and 5 at node i, with acceleration a [m/s²]; f is the elements' force [N]."""
     old = s.state.velocity[i]
     moved = s.integrator.move(s.state, s.contact, i, a, now)
+    if ti.static(s.ledger and s.touches):
+        s.state.pull[i] = a
     if ti.static(s.ledger):
         ledger.note(s.state, i, f, forces.viscous_total(s.state, i), moved, old, now)
 

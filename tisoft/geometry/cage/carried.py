@@ -35,6 +35,8 @@ NEAR = 0.5
 """Distance, in cells, within which a node holds a patch that lies on no plane of the lattice."""
 FLAT = 1e-6
 """Distance, in cells, up to which a patch lies on a plane of the lattice."""
+PARTS = 4
+"""Pieces of a cell's edge in which one point of the surface meets obstacles."""
 AT_ONCE = 20000
 """Pieces whose pressures are summed at a time."""
 PAIRS = np.array([[m, n] for m in range(8) for n in range(m + 1, 8)])
@@ -138,3 +140,21 @@ class Carried:
         samples = np.concatenate([self._points[points], pieces.points.reshape(-1, 3)])
         away = cKDTree(samples).query(self._nodes, p=np.inf)[0]
         return np.flatnonzero(away <= NEAR * (1.0 + 1e-6))
+
+    def outermost(self) -> Rows:
+        """Points of the surface that stand for it where it is met: of each part of a cell the one
+        that lies farthest out, ordered along the nodes.
+        """
+        points, triangles = self._points, self.skin.triangles.astype(np.int64)
+        corners = points[triangles]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        spot = np.floor(PARTS * points).astype(np.int64)
+        _, own = np.unique(spot, axis=0, return_inverse=True)
+        own = own.reshape(-1)
+        out = np.zeros((own.max() + 1, 3))
+        for corner in range(3):
+            np.add.at(out, own[triangles[:, corner]], normals)
+        height = np.einsum("pi,pi->p", points, out[own])
+        order = np.lexsort((height, own))
+        last = np.append(own[order][1:] != own[order][:-1], True)
+        return order[last][np.argsort(self.skin.corners[order[last], 0], kind="stable")]

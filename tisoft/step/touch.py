@@ -1,0 +1,101 @@
+# mypy: ignore-errors
+"""Contact of a surface that a body carries with obstacles: its points meet them, not the nodes.
+
+A point moves with the nodes of its cell, x = Σ N_a x_a, and weighs 1/m̄ = Σ N_a²/m_a there.  After
+the nodes have moved, point after point gets back what led it past the surface,
+
+    Δv = n Δ_n − t min(μ Δ_n, |v_t|),   Δv_a = N_a m̄/m_a Δv,   Δx_a = h Δv_a
+
+with Δ_n the least that leaves the point outside (see `contact`), so that momentum changes by the
+contact's impulse m̄ Δv alone.  One thread sees the points in their order: the bits do not depend on
+how many there are.
+
+| symbol | name                 | unit |
+| ------ | -------------------- | ---- |
+| N_a    | `touch.share[p, a]`  | 1    |
+| x_a    | `touch.corner[p, a]` |      |
+"""
+
+import taichi as ti
+
+from tisoft.step.contact import gap_and_normal
+from tisoft.step.fixed import free
+
+
+@ti.func
+def driven_velocity(s: ti.template(), i):
+    """The velocity that has moved node i [m/s].  Reads velocity, or half."""
+    v = s.state.velocity[i]
+    if ti.static(s.integrator.closing_passes > 0):
+        v = s.state.half[i]
+    return v
+
+
+@ti.func
+def meet_obstacles(s: ti.template(), p, now):
+    """Let point p meet the obstacles of its body.
+
+    Reads touch.*, obstacle*, rest, inverse_mass, fixed; changes displacement, velocity, half, work.
+    """
+    h = now.h
+    x = 0.0 * now.gravity
+    v = 0.0 * now.gravity
+    lightness = 0.0 * h
+    for a in range(s.touch.corners):
+        i, share = s.touch.corner[p, a], s.touch.share[p, a]
+        x += share * (s.state.rest[i] + s.state.displacement[i])
+        v += share * driven_velocity(s, i)
+        if s.state.fixed[i] != 7:
+            lightness += share * share * s.state.inverse_mass[i]
+    if lightness > 0.0:
+        for row in range(s.touch.first[p], s.touch.last[p]):
+            gap, normal = gap_and_normal(s.state, row, x)
+            if gap < 0.0:
+                along = normal.dot(v)
+                before = gap - h * along
+                kick = ti.max(-ti.max(before, 0.0 * h) / h - along, 0.0 * h)
+                tangential = v - along * normal
+                speed = tangential.norm()
+                change = kick * normal
+                if speed > 0.0:
+                    change -= ti.min(s.state.obstacle[row, 7] * kick / speed, 1.0) * tangential
+                push = ti.max(-gap - h * kick, 0.0 * h) * normal
+                for a in range(s.touch.corners):
+                    i = s.touch.corner[p, a]
+                    part = s.touch.share[p, a] * s.state.inverse_mass[i] / lightness
+                    if s.state.fixed[i] != 7:
+                        shift(
+                            s,
+                            i,
+                            free(s.state, i, part * change),
+                            free(s.state, i, part * push),
+                            now,
+                        )
+                v += change
+                x += h * change + push
+
+
+@ti.func
+def shift(s: ti.template(), i, change, push, now):
+    """Change node i's velocity [m/s], and put it as much further and by `push` [m]."""
+    old = s.state.velocity[i]
+    s.state.velocity[i] = old + change
+    if ti.static(s.integrator.closing_passes > 0):
+        s.state.half[i] = s.state.half[i] + change
+    s.state.displacement[i] = s.state.displacement[i] + now.h * change + push
+    if ti.static(s.ledger):
+        note(s, i, old, change, push, now)
+
+
+@ti.func
+def note(s: ti.template(), i, old, change, push, now):
+    """Add to the energy dissipated at node i, −m Δv·(v + Δv/2 − h a/2) + m a·push, and to the work
+    of its loads [J].
+    """
+    mass = 1.0 / s.state.inverse_mass[i]
+    pull = s.state.pull[i]
+    taken = mass * (pull.dot(push) - change.dot(old + 0.5 * change - 0.5 * now.kick * pull))
+    s.state.work[i][0] = s.state.work[i][0] + taken
+    if now.loaded:
+        load = s.state.load[i] + s.state.pressed[i]
+        s.state.work[i][1] = s.state.work[i][1] + load.dot(now.h * change + push)
