@@ -83,6 +83,7 @@ class Render:
         ground: draw obstacle planes as a checked floor.
         alpha: a transparent background, where the file can hold one (.png, .webp, .gif).
         scale: tell how wide the floor's tiles are.
+        labels: write each body's name below it, a line for each part that a comma ends.
 
     Raises:
         SceneError: naming the field and its value.
@@ -95,6 +96,7 @@ class Render:
     ground: bool = True
     alpha: bool = False
     scale: bool = False
+    labels: bool = False
 
     def __post_init__(self) -> None:
         items = checks.sequence("size", self.size, "pixels (width, height)")
@@ -105,5 +107,5 @@ class Render:
         checks.choice("color", self.color, ("stress", "strain", "speed", "body", "region"))
         checks.flag("wireframe", self.wireframe)
         checks.integer("samples", self.samples, least=1, most=8)
-        for field in ("ground", "alpha", "scale"):
+        for field in ("ground", "alpha", "scale", "labels"):
             checks.flag(field, getattr(self, field))

@@ -16,10 +16,11 @@ from tisoft.observers.framing import Survey, View, ground_of, room_of, up_of
 from tisoft.observers.quantities import QUANTITIES
 from tisoft.observers.region_colors import first_colors, node_colors, region_of_triangles
 from tisoft.observers.track import Snapshot
+from tisoft.render.camera import Camera, pixels_of
 from tisoft.render.colormap import body_color, colors_of
 from tisoft.render.items import Capsules, Item, Spheres, Surface
 from tisoft.render.obstacles import box_surface, plane_surface, sphere_surface
-from tisoft.render.overlay import ColorBar, draw_caption, draw_color_bar
+from tisoft.render.overlay import ColorBar, draw_caption, draw_color_bar, draw_labels
 from tisoft.render.renderer import Renderer
 from tisoft.render.stage import GroundPlane, tile_length
 from tisoft.scene import Box, Plane, Scene, Sphere
@@ -139,9 +140,19 @@ class Scenery:
         picture = self.renderer.draw(self.items, camera)
         if self.look.scale and len(picture) >= LEAST_HEIGHT:
             picture = draw_caption(picture, f"a tile is {tile_length(camera):g} m wide")
+        if self.look.labels and len(picture) >= LEAST_HEIGHT:
+            names = [actor.name for actor in self.actors]
+            spots = [_spot(snapshot.positions[actor.nodes], camera) for actor in self.actors]
+            picture = draw_labels(picture, names, pixels_of(np.array(spots), camera, picture.shape))
         if quantity is None:
             return picture
         return with_bar(picture, ColorBar(quantity.label, quantity.unit, 0.0, top, COLORMAP))
+
+
+def _spot(positions: Floats, camera: Camera) -> Floats:
+    """The lowest point of a body in the picture [m]."""
+    up = camera.axes()[1]
+    return np.asarray(positions[int(np.argmin(positions @ up))], np.float64)
 
 
 def with_bar(picture: Picture, bar: ColorBar) -> Picture:

@@ -62,6 +62,18 @@ class Camera:
         return right, np.cross(right, forward), forward
 
 
+def pixels_of(points: Vector, camera: Camera, shape: Sequence[int]) -> Vector:
+    """Where points [m] fall in a picture of a shape (height, width, …): columns and rows from its
+    upper left, shape (points, 2).
+    """
+    right, up, forward = camera.axes()
+    away = np.asarray(points, np.float64) - camera.eye
+    scale = 0.5 * shape[0] / np.tan(np.radians(0.5 * camera.fov))
+    depth = np.maximum(away @ forward, 1e-9 * camera.distance)
+    x, y = scale * (away @ right) / depth, scale * (away @ up) / depth
+    return np.stack([0.5 * shape[1] + x, 0.5 * shape[0] - y], axis=1)
+
+
 def auto_camera(
     lo: ArrayLike,
     hi: ArrayLike,

@@ -5,6 +5,7 @@ Drawn with Pillow and the font that matplotlib carries, so it looks the same eve
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -110,4 +111,20 @@ def draw_caption(picture: Picture, text: str) -> Picture:
     ImageDraw.Draw(image).text(
         (unit, height - unit), text, fill=INK, font=font(round(0.72 * unit)), anchor="ls"
     )
+    return np.asarray(image)
+
+
+def draw_labels(picture: Picture, texts: Sequence[str], places: NDArray[np.float64]) -> Picture:
+    """The picture with texts below places [pixels], shape (texts, 2), a line for each part that a
+    comma ends.
+    """
+    height = picture.shape[0]
+    unit = max(height / 36.0, 14.0)
+    face = font(round(0.62 * unit))
+    image = Image.fromarray(picture)
+    draw = ImageDraw.Draw(image)
+    for text, (x, y) in zip(texts, places, strict=True):
+        lines = text.replace(", ", "\n")
+        top = min(y + 0.5 * unit, height - unit * (0.8 * (lines.count("\n") + 1) + 0.3))
+        draw.multiline_text((x, top), lines, fill=INK, font=face, anchor="ma", align="center")
     return np.asarray(image)
