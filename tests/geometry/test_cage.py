@@ -6,10 +6,13 @@ import pytest
 from surfaces import block, sphere, turn
 
 import tisoft as ts
+from tisoft.check.meshes import mesh_notes
+from tisoft.check.warnings import warnings_of
 from tisoft.geometry.cage.build import caged, split_long
 from tisoft.geometry.cage.cutting import cut
 from tisoft.geometry.cage.lattice import Lattice
 from tisoft.geometry.cage.moments import filled
+from tisoft.geometry.cage.thickness import thinnest
 from tisoft.geometry.surface import closed, joined, read_surface, solid_moments
 
 SIZE = np.array([0.5, 0.1, 0.08])
@@ -186,3 +189,25 @@ def vtp_of(points, triangles):
         f"<Polys>{array('connectivity', 'Int64', triangles)}{array('offsets', 'Int64', ends)}"
         "</Polys></Piece></PolyData></VTKFile>"
     )
+
+
+@pytest.mark.parametrize("thick, degrees", [(0.02, 0), (0.02, 25), (0.033, 40)])
+def test_the_thinnest_part_is_measured_at_any_angle(thick, degrees):
+    points, triangles = block((0.4, 0.3, thick))
+    points = points @ turn([1, 2, 0], degrees).T
+    assert thinnest(points, triangles, lattice_over(points, 0.025, 0.3)) == pytest.approx(thick)
+
+
+def test_check_tells_what_a_cage_cannot_do():
+    points, triangles = block((0.4, 0.3, 0.04))
+    mesh = caged(points, triangles, lattice_over(points, 0.025, 0.3))
+    scene = ts.Scene()
+    body = scene.add_body(mesh, ts.ViscoElastic(1e5, 0.3, 1000.0), "plate")
+    body.pin(ts.where.box((-1e-6, -1, -1), (1e-6, 1, 1)))
+    told = "\n".join(warnings_of(scene) + mesh_notes(body))
+    assert "has 1.6 cells through its thinnest part: that bends about 19 % too stiffly" in told
+    assert "is held by pin[0] within half a cell" in told
+    assert "cells of 0.025 x 0.025 x 0.025 m along the world's axes" in told
+    fitted = ts.Scene()
+    fitted.add_body(ts.cage(points, triangles, cells_across=1), body.model)
+    assert not [line for line in warnings_of(fitted) if "thinnest" in line]

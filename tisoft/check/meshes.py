@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft.body import Body
+from tisoft.check.cages import cage_notes
 from tisoft.geometry import topology
 from tisoft.geometry.groups import NodeSet, Region, listed, title
 from tisoft.geometry.joints import Joints, coincident_nodes, enclosed_volume
@@ -139,7 +140,7 @@ def _of_pieces(body: Body) -> Iterator[str]:
 def mesh_notes(body: Body) -> list[str]:
     """What `check` asks and tells of a body's mesh beyond warnings."""
     mesh, name = body.mesh, f'body "{body.name}"'
-    found = [f"{name} {told}" for told in mesh.questions]
+    found = [f"{name} {told}" for told in (*mesh.questions, *cage_notes(body))]
     if isinstance(mesh, TetMesh) and len(mesh.joints.pinched):
         nodes = mesh.joints.pinched
         found.append(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft.body import Body
+from tisoft.check.cages import cage_warnings, pin_warnings
 from tisoft.check.meshes import mesh_warnings
 from tisoft.geometry.mesh import TetMesh
 from tisoft.model.network import triangle_areas
@@ -67,6 +68,7 @@ def _of_body(body: Body, scene: Scene) -> Iterator[str]:
             f"{name} has poisson = {model.poisson:g}: above {LOCKING} linear tets lock, "
             'so it is much too stiff; use 0.45 or less, or element = "tet10"'
         )
+    yield from (f"{name} {told}" for told in (*cage_warnings(body), *pin_warnings(body)))
     if isinstance(body.mesh, TetMesh) and (told := _bending(body.mesh)):
         yield f"{name} {told}"
     if isinstance(model, ViscoElastic) and not isinstance(model, NeoHookean):

@@ -56,7 +56,7 @@ class Carried:
         self.mesh, self.cage, self.skin = mesh, mesh.cage, mesh.cage.skin
 
     @cached_property
-    def _nodes(self) -> Floats:
+    def places(self) -> Floats:
         """Nodes in cells from the lattice's origin, shape (nodes, 3)."""
         places = np.zeros((len(self.mesh.points), 3))
         places[self.mesh.hexes[:, LATTICE]] = self.cage.cells[:, None] + CORNER
@@ -65,7 +65,7 @@ class Carried:
     @cached_property
     def _points(self) -> Floats:
         """Points of the surface, likewise."""
-        return self.skin.carried(self._nodes)
+        return self.skin.carried(self.places)
 
     @cached_property
     def _edges(self) -> Floats:
@@ -138,7 +138,7 @@ class Carried:
         picked[points] = True
         pieces, _ = self._pieces(self.within(picked))
         samples = np.concatenate([self._points[points], pieces.points.reshape(-1, 3)])
-        away = cKDTree(samples).query(self._nodes, p=np.inf)[0]
+        away = cKDTree(samples).query(self.places, p=np.inf)[0]
         return np.flatnonzero(away <= NEAR * (1.0 + 1e-6))
 
     def outermost(self) -> Rows:
