@@ -250,7 +250,11 @@ def test_loads_on_faces_need_faces():
 @pytest.mark.parametrize(
     ("mesh", "model", "message"),
     [
-        (shapes.cloth((1, 1), (2, 2)), RUBBER, "model needs tets, and the mesh of 'b' has none"),
+        (
+            shapes.cloth((1, 1), (2, 2)),
+            RUBBER,
+            "model needs tets or hexes, and the mesh of 'b' has none",
+        ),
         (
             shapes.cloth((1, 1), (2, 2)),
             MassSpring(density=1.0, stiffness=1.0),

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
         Box,
         Camera,
         Load,
+        NoContact,
         Pin,
         Plane,
         Probe,
@@ -45,10 +46,11 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Body", "Box", "Camera", "Diverged", "Frame", "Linear", "Load", "MassSpring", "MassTensor",
-    "MeshError", "NeoHookean", "NoEquilibrium", "Pin", "Plane", "Probe", "RegionMaterial", "Render",
-    "Scene", "SceneError", "Simulation", "Skin", "Sphere", "SpringNet", "Sweep", "TetMesh",
-    "TisoftError", "Torque", "Turn", "ViscoElastic", "ball", "box", "cage", "cloth", "cylinder",
-    "grid", "load_scene", "net", "read_mesh", "read_skin", "read_surface", "skin", "sweep",
+    "MeshError", "NeoHookean", "NoContact", "NoEquilibrium", "Pin", "Plane", "Probe",
+    "RegionMaterial", "Render", "Scene", "SceneError", "Simulation", "Skin", "Sphere", "SpringNet",
+    "Sweep", "TetMesh", "TisoftError", "Torque", "Turn", "ViscoElastic", "ball", "box", "cage",
+    "cloth", "cylinder", "grid", "load_scene", "net", "read_mesh", "read_skin", "read_surface",
+    "skin", "sweep",
     "tet_mesh", "where",
 ]  # fmt: skip
 
@@ -63,8 +65,8 @@ _HOMES = {
     "tisoft.models.materials": ("Linear", "MassSpring", "MassTensor", "NeoHookean", "ViscoElastic"),
     "tisoft.region_material": ("RegionMaterial",),
     "tisoft.scene": (
-        "Body", "Box", "Camera", "Load", "Pin", "Plane", "Probe", "Render", "Scene", "Sphere",
-        "Torque", "Turn",
+        "Body", "Box", "Camera", "Load", "NoContact", "Pin", "Plane", "Probe", "Render", "Scene",
+        "Sphere", "Torque", "Turn",
     ),
     "tisoft.scene_file": ("load_scene",),
     "tisoft.simulation": ("Frame", "Simulation"),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tisoft import checks
-from tisoft.checks import FieldError, Vector, inside
+from tisoft.checks import FieldError, Vector, inside, keep_number
 from tisoft.geometry.cage.carried import Carried
 from tisoft.geometry.mesh import Mesh, SolidMesh, SpringNet, TetMesh, present_numbers
 from tisoft.geometry.skin import Skin
@@ -57,6 +57,14 @@ class Body:
     regions: list[RegionMaterial] = field(default_factory=list)
     """Materials of their own in regions of the mesh."""
     skin: Skin | None = None
+    contact: bool = True
+    """Whether its surface touches other bodies, and itself."""
+    self_contact: bool = False
+    """Whether it touches itself."""
+    thickness: float | None = None
+    """Distance [m] that surfaces keep; None: a small share of its edges."""
+    friction: float = 0.3
+    """Coulomb's coefficient; of two bodies the mean counts."""
 
     def __post_init__(self) -> None:
         cage = getattr(self.mesh, "cage", None)
@@ -225,6 +233,7 @@ class Body:
             )
             raise FieldError("mass", problem, "consistent")
         self.materials()
+        self._check_contact()
         if self.skin is not None and not isinstance(self.skin, Skin):
             raise FieldError("skin", "must be a skin, as of tisoft.skin or tisoft.read_skin")
         if self.skin is not None and self.skin.corners.max() >= len(self.mesh.points):
@@ -233,6 +242,13 @@ class Body:
         for i, load in enumerate(self.loads):
             with inside(f"load[{i}]"):
                 self._check_load(load)
+
+    def _check_contact(self) -> None:
+        checks.flag("contact", self.contact)
+        checks.flag("self_contact", self.self_contact)
+        if self.thickness is not None:
+            keep_number(self, "thickness", above=0.0, unit="m")
+        keep_number(self, "friction", least=0.0)
 
     def _check_springs(self, model: MassSpring) -> None:
         springs = self.springs()

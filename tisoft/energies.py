@@ -1,6 +1,6 @@
 """The account of a scene's energy: T + V + G + D − W stays what it was, but for `error`."""
 
-from typing import TypedDict
+from typing import NotRequired, TypedDict
 
 
 class Energies(TypedDict):
@@ -18,3 +18,7 @@ class Energies(TypedDict):
     """W, of loads and moved pins"""
     error: float | None
     """The imbalance of this account"""
+    contact: NotRequired[float]
+    """Of D, what impulses between surfaces took; present where some may touch"""
+    friction: NotRequired[float]
+    """Of D, what friction between surfaces took; present where some may touch"""

@@ -20,6 +20,7 @@ from tisoft.model import state as columns
 from tisoft.present import Present
 from tisoft.scene import Scene
 from tisoft.stable.guard import Guard
+from tisoft.step.account import RUNNING
 from tisoft.step.pins import SAME_TIME
 
 Floats = NDArray[np.float64]
@@ -182,8 +183,8 @@ class Motion(Present):
         records = self.stepper.records(made)
         for record in records:
             if self.account is not None:
-                self.account.collect(record[0, 5], record[0, 6])
-                record[0, 8:10] = self.account.dissipated, self.account.external_work
+                self.account.collect(*record[0, [5, 6, columns.TOUCHED, columns.TOUCHED + 1]])
+                record[0, RUNNING] = self.account.sums()
         self.steps += [h] * made
         self.frame += made
         self.time = self.frame / self.scene.frame_rate

@@ -26,6 +26,7 @@ from tisoft.step.observe import energy_table
 from tisoft.step.pins import Holder
 from tisoft.step.schedule import Acting, Schedule
 from tisoft.step.stepper import Rules, Stepper
+from tisoft.touch.touching import touching_of
 
 Floats = NDArray[np.float64]
 
@@ -76,6 +77,7 @@ class Present:
         self._obstacles: tuple[Any, ...] = ()
         self._set_start()
         self.account: Account | None = None
+        self.touching = touching_of(scene, self.system)
         self.loading = Loading(self.system)
         self.holder = Holder(self.system)
         self.schedule = Schedule(self.system)
@@ -122,7 +124,7 @@ class Present:
 
     def _rules(self) -> Rules:
         contact = bool(self.scene.obstacles)
-        return Rules(self.scene.integrator, contact, self.account is not None)
+        return Rules(self.scene.integrator, contact, self.account is not None, self.touching)
 
     def _set_start(self) -> None:
         """Initial velocities: v + ω × (x − centre of mass)."""
@@ -137,7 +139,7 @@ class Present:
     def open_account(self) -> None:
         """Begin a ledger with the present state."""
         table = self._table(self.scene.gravity)
-        self.account = Account(sum(table.values()))
+        self.account = Account(sum(table.values()), touches=self.touching is not None)
 
     # -- what the caller changed ---------------------------------------------------------------
 
@@ -149,6 +151,8 @@ class Present:
             self.system.set_obstacles(
                 self._obstacles, [shapes.index(type(o)) for o in self._obstacles]
             )
+        if self.touching is not None:
+            self.touching.place_origins()
 
     def take_changes(self) -> bool:
         """Take over what the caller changed since the last frame; returns whether materials or

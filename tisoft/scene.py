@@ -20,13 +20,14 @@ from tisoft.models.materials import Model
 from tisoft.obstacles import Box, Obstacle, Plane, Sphere
 from tisoft.pins import Pin, Turn
 from tisoft.probed import Probed, probed
-from tisoft.scene_parts import Camera, Probe, Render
+from tisoft.scene_parts import Camera, NoContact, Probe, Render
 
 __all__ = [
     "Body",
     "Box",
     "Camera",
     "Load",
+    "NoContact",
     "Obstacle",
     "Pin",
     "Plane",
@@ -57,6 +58,7 @@ class Scene:
         checkpoint_every: frames; 0 for none.
         camera, render: how pictures are taken.
         bodies, obstacles, probes: filled by `add_body`, `add_obstacle` and `add_probe`.
+        no_contact: pairs of bodies that pass through each other; append a `NoContact`.
 
     Raises:
         FieldError: naming the field, its value, the range and what to do.
@@ -75,6 +77,7 @@ class Scene:
     bodies: list[Body] = field(default_factory=list)
     obstacles: list[Obstacle] = field(default_factory=list)
     probes: list[Probe] = field(default_factory=list)
+    no_contact: list[NoContact] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._check_settings()
@@ -161,17 +164,21 @@ class Scene:
         for i, probe in enumerate(self.probes):
             with inside(f"probe[{i}]"):
                 self.probed(probe)
+        for i, pair in enumerate(self.no_contact):
+            with inside(f"no_contact[{i}]"):
+                for name in pair.bodies:
+                    self._check_named("bodies", name)
         if self.camera.follow is not None:
             with inside("camera"):
-                self._check_follow(self.camera.follow)
+                self._check_named("follow", self.camera.follow)
         _check_unique("body", [body.name for body in self.bodies])
         _check_unique("probe", [probe.name for probe in self.probes])
 
-    def _check_follow(self, name: str) -> None:
+    def _check_named(self, key: str, name: str) -> None:
         known = [body.name for body in self.bodies]
         if name not in known:
             problem = f"names no body of the scene; {checks.suggestion(name, known)}"
-            raise FieldError("follow", problem, name)
+            raise FieldError(key, problem, name)
 
     def _check_settings(self) -> None:
         self.gravity = checks.vector("gravity", self.gravity, unit="m/s²")

@@ -35,17 +35,23 @@ from tisoft.scene_keys import (
     parse_toml,
     tables,
 )
-from tisoft.scene_parts import Camera, Probe, Render
+from tisoft.scene_parts import Camera, NoContact, Probe, Render
 from tisoft.where import Selection
 
 LARGEST_FILE = 16 * 2**20
 """Bytes of a scene file; large meshes belong into files of their own."""
 
-_TABLES = ("body", "obstacle", "probe", "camera", "render")
+_TABLES = ("body", "obstacle", "probe", "no_contact", "camera", "render")
 _SETTINGS = [
-    key for key in field_names(Scene) if key not in ("bodies", "obstacles", "probes", *_TABLES)
+    key
+    for key in field_names(Scene)
+    if key not in ("bodies", "obstacles", "probes", "no_contact", *_TABLES)
 ]
-_BODY = ("name", "model", "mesh", "skin", "region", "pin", "load", "velocity", "spin")
+_CONTACT = ("contact", "self_contact", "thickness", "friction")
+_BODY = (
+    *("name", "model", "mesh", "skin", "region", "pin", "load", "velocity", "spin"),
+    *_CONTACT,
+)
 _INSTEAD_OF_YOUNG = ("material", "lame_lambda", "lame_mu")
 _MODEL_KEYS = {name: field_names(cls) for name, cls in MODELS.items()}
 
@@ -152,6 +158,7 @@ def _scene(document: Table, folder: Path) -> Scene:
     )
     for field, table in tables(document, "body"):
         _add_body(scene, table, field, folder)
+    scene.no_contact += [make(NoContact, t, field) for field, t in tables(document, "no_contact")]
     for field, table in tables(document, "probe"):
         probe = make(Probe, table, field)
         with inside(field):
@@ -182,6 +189,10 @@ def _add_body(scene: Scene, table: Any, field: str, folder: Path) -> None:
     start = {key: table[key] for key in ("velocity", "spin") if key in table}
     with inside(field):
         body = scene.add_body(mesh, model, table.get("name"), **start)
+        for key in _CONTACT:
+            if key in table:
+                setattr(body, key, table[key])
+        body.validate()
     for path, region in tables(table, "region", field):
         body.regions.append(make(RegionMaterial, region, path))
     if "skin" in table:
@@ -229,7 +240,7 @@ _HOW_TO_GIVE = {
 def _check_model_keys(kind: str, given: Table) -> None:
     """Refuse what the model does not have; what changes nothing stays, so models can be swapped."""
     for key, value in given.items():
-        if key in _MODEL_KEYS[kind]:
+        if key in _MODEL_KEYS[kind] or key in _CONTACT:
             continue
         if kind != "mass-spring":
             problem = f'is a key of model = "mass-spring", and this body is "{kind}"; remove it'

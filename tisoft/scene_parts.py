@@ -34,6 +34,23 @@ class Probe:
 
 
 @dataclass(frozen=True)
+class NoContact:
+    """The names of two `bodies` that pass through each other.  Raises SceneError where they are not
+    two names.
+    """
+
+    bodies: tuple[str, str]
+
+    def __post_init__(self) -> None:
+        names = checks.sequence("bodies", self.bodies, "names of two bodies")
+        if len(names) != 2:
+            raise FieldError("bodies", "must be the names of two bodies", self.bodies)
+        for i, name in enumerate(names):
+            checks.name(f"bodies[{i}]", name)
+        put(self, "bodies", (names[0], names[1]))
+
+
+@dataclass(frozen=True)
 class Camera:
     """Where the scene is seen from; what is left out is chosen to frame the scene.
 

@@ -26,6 +26,7 @@ from tisoft.motion import Motion
 from tisoft.probed import places_of
 from tisoft.running import run
 from tisoft.scene import Scene
+from tisoft.step.account import RUNNING
 from tisoft.step.consistent_mass import residual_share
 from tisoft.step.loading import external_forces
 from tisoft.step.observe import energy_table
@@ -157,8 +158,7 @@ class Simulation(Motion):
             table = energy_table(self.system, record[0], self.scene.gravity)
         entries: Any = {**table, "dissipated": None, "external_work": None, "error": None}
         if self.account is not None:
-            now = self.account.dissipated, self.account.external_work
-            entries = self.account.entries_at(table, *(now if record is None else record[0, 8:10]))
+            entries = self.account.entries_at(table, None if record is None else record[0, RUNNING])
         return cast(Energies, entries)
 
     def probe_positions(self, record: Floats | None = None) -> Floats:

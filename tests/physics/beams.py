@@ -57,7 +57,8 @@ def simulate(
     keys = {"precision": "f64", "step": h, **scene_keys}
     scene = ts.Scene(gravity=gravity, frame_rate=rate, **keys)
     for mesh, model, *start in bodies:
-        scene.add_body(mesh, model, **(start[0] if start else {}))
+        body = scene.add_body(mesh, model, **(start[0] if start else {}))
+        body.contact = False  # they may lie in each other
     for selection, axes in pins:
         scene.bodies[0].pin(selection, axes)
     for obstacle in obstacles:

@@ -82,10 +82,11 @@ def test_frames_of_many_launches_have_the_bits_of_single_substeps():
 @pytest.mark.parametrize("precision", ["f32", "f64"])
 def test_a_body_among_others_is_the_body_alone(precision):
     others = [*SCENES["viscoelastic"], *SCENES["mass-spring"], *SCENES["mass-tensor"]]
-    together = simulate(*others, h=5e-4, substeps=150, gravity=G, precision=precision)
+    keys = {"h": 5e-4, "substeps": 150, "gravity": G, "precision": precision}
+    together = simulate(*others, **keys)
     together.step()
     for k, one in enumerate(others):
-        alone = simulate(one, h=5e-4, substeps=150, gravity=G, precision=precision)
+        alone = simulate(one, **keys)
         alone.step()
         body = together.scene.bodies[k]
         assert together.positions(body).tobytes() == alone.positions().tobytes()

@@ -34,16 +34,9 @@ def warnings_of(scene: Scene) -> list[str]:
 
 
 def _of_scene(scene: Scene) -> Iterator[str]:
-    if len(scene.bodies) > 1:
-        boxes = [(b.mesh.points.min(axis=0), b.mesh.points.max(axis=0)) for b in scene.bodies]
-        inside = [
-            f"{scene.bodies[i].name!r} and {scene.bodies[j].name!r}"
-            for i in range(len(boxes))
-            for j in range(i)
-            if (boxes[i][0] < boxes[j][1]).all() and (boxes[j][0] < boxes[i][1]).all()
-        ]
-        told = f" ({inside[0]} may overlap at the start)" if inside else ""
-        yield f"bodies do not touch each other, only obstacles: keep them apart{told}"
+    touching = [body for body in scene.bodies if body.contact]
+    if len(touching) > 1 and scene.integrator == "explicit-euler":
+        yield "with explicit-euler bodies pass through each other: take symplectic-euler"
     if scene.integrator == "explicit-euler":
         yield "explicit Euler gains energy at any step: it is there to show how it fails"
 

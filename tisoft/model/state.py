@@ -14,10 +14,11 @@ from tisoft import runtime
 
 CHUNK = 1024
 """Nodes whose energies are added up one after the other: sums do not depend on threads."""
-RECORD = 12
+RECORD = 16
 """Columns of a record: T [J], Σ m u (3) [kg m], elastic energy, dissipated energy, external work
 [J], |u|² + |v|² (finite or not), and
-room for the account up to then (2) [J]; of a probe: u (3) [m], v (3) [m/s]."""
+room for the account up to then (2) [J], power, contact's and friction's share of what is dissipated
+[J], room for those up to then (2); of a probe: u (3) [m], v (3) [m/s]."""
 FRAMES = 64
 """Frames that a launch may make and record."""
 
@@ -29,13 +30,18 @@ INPUTS = 16
 TOUCH = 17
 """Column of `State.ranges`: first point of `Touch`, then one past the last."""
 ORDERS = (
-    FIRST, LAST, PASSES, THREADS, LOADED, DONE, TRIPPED, PROBES, PROBE, RECORDS, CHUNKS, TASK
-) = tuple(range(12))  # fmt: skip
+    FIRST, LAST, PASSES, THREADS, LOADED, DONE, TRIPPED, PROBES, PROBE, RECORDS, CHUNKS, TASK,
+    REACHED,
+) = tuple(range(13))  # fmt: skip
 """Columns of `State.orders`."""
 MOVE, SUM, PUSH = range(3)
 """Tasks of a launch: make substeps; sum up the present state; leave its forces in the copies."""
 POWER = 11
 """Column of a record: v·f [W] of elements and gravity, where the task is SUM."""
+TOUCHED = 12
+"""Columns of a record from here on: contact's and friction's share of what is dissipated."""
+TOUCH_SCENE = 14
+"""Column of `State.ranges`: the scene's row of contact's fields."""
 STEP, GRAVITY, MOST_KINETIC, KICK = 0, 1, 4, 5
 """Columns of `State.settings`."""
 OBSTACLE_NUMBERS = 8
@@ -58,7 +64,7 @@ class State:
         "bodies": 64,
         "chunks": 64,
         "pressures": 8192,
-        "obstacles": 64,
+        "obstacles": 4096,
         "probes": 64,
         "records": 16 * FRAMES,
         "scenes": 64,
@@ -114,6 +120,9 @@ class State:
         """Where its copies begin."""
         self.work = field(ti.types.vector(2, wide), "nodes")
         """Energy dissipated at it and work done on it since the frame began [J]."""
+
+        self.touched = field(ti.types.vector(2, wide), "nodes")
+        """Of what was dissipated at it: by contact and by friction of surfaces [J]."""
 
         # A row for each part of a mesh that a node lies in, in part order:
         self.force = field(vec3, "copies")
@@ -172,7 +181,7 @@ class State:
     def bytes_of(structure: str, rows: dict[str, int]) -> int:
         """Memory that the fields take [bytes]."""
         real = 8 if structure == "f64" else 4
-        nodes = rows["nodes"] * (29 * real + 5 * 4 + 16)
+        nodes = rows["nodes"] * (29 * real + 5 * 4 + 32)
         copies = rows["copies"] * 6 * real
         return nodes + copies + rows["pressures"] * (8 + PRESSURE_NUMBERS * real)
 
@@ -198,6 +207,7 @@ class State:
             self.body[i] = body[k]
             self.fixed[i] = 0
             self.work[i] = ti.Vector([0.0, 0.0])
+            self.touched[i] = ti.Vector([0.0, 0.0])
         ti.loop_config(serialize=self.serial)
         for k in range(copies.shape[0]):
             self.copy_start[first + k] = copies[k]

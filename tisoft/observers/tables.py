@@ -21,10 +21,14 @@ STATE, STATE_LIST = "frames/frame_%05d.vtu", "frames.pvd"
 ENERGIES = ("kinetic", "elastic", "gravity", "dissipated", "external_work", "error")
 
 
+TOUCHED = ("contact", "friction")
+"""Of the dissipated energy, where surfaces may touch."""
+
+
 def energies(sim: Simulation) -> dict[str, float | None]:
     """The ledger [J]; None for what is not measured."""
     known: Any = sim.energy()
-    return {key: known[key] for key in ENERGIES}
+    return {key: known[key] for key in (*ENERGIES, *TOUCHED) if key in known}
 
 
 class Table:
@@ -112,11 +116,11 @@ class EnergyTable(Table):
     name = "energy.csv"
 
     def header(self, sim: Simulation) -> list[str]:
-        return list(ENERGIES)
+        return list(energies(sim))
 
     def row(self, frame: Frame) -> list[float | None]:
         known: Any = frame.energy()
-        return [known[key] for key in ENERGIES]
+        return [known[key] for key in (*ENERGIES, *TOUCHED) if key in known]
 
 
 class States:

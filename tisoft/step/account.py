@@ -14,8 +14,13 @@ from __future__ import annotations
 
 from typing import Any
 
-KEPT = ("start", "dissipated", "external_work")
+KEPT = ("start", "dissipated", "external_work", "contact", "friction")
 """What a checkpoint keeps."""
+
+
+RUNNING = [8, 9, 14, 15]
+"""Columns of a record that take the account up to then: dissipated, external work, contact and
+friction."""
 
 
 class Account:
@@ -23,9 +28,11 @@ class Account:
 
     Args:
         stored: T + W + G at the start [J].
+        touches: whether surfaces may touch, so that contact and friction are told apart.
     """
 
-    def __init__(self, stored: float) -> None:
+    def __init__(self, stored: float, *, touches: bool = False) -> None:
+        self.touches = touches
         self.start = stored
         """T + W + G at the start [J]."""
         self.dissipated = 0.0
@@ -33,10 +40,26 @@ class Account:
         self.external_work = 0.0
         """Work of loads, of moved pins, and of changes to materials and gravity [J]."""
 
-    def collect(self, dissipated: float, given: float) -> None:
-        """Add up a stretch: energy dissipated and external work [J]."""
+        self.contact = 0.0
+        """Of the dissipated energy, what impulses along normals between surfaces took [J]; what
+        pushing out gave is its negative part."""
+        self.friction = 0.0
+        """The same of friction between surfaces [J]."""
+
+    def collect(
+        self, dissipated: float, given: float, contact: float = 0.0, friction: float = 0.0
+    ) -> None:
+        """Add up a stretch: energy dissipated and external work [J]; contact's and friction's share
+        of the former.
+        """
         self.dissipated += float(dissipated)
         self.external_work += float(given)
+        self.contact += float(contact)
+        self.friction += float(friction)
+
+    def sums(self) -> list[float]:
+        """What has been added up [J], in the order of RUNNING."""
+        return [self.dissipated, self.external_work, self.contact, self.friction]
 
     def state(self) -> dict[str, float]:
         """What a checkpoint keeps."""
@@ -45,16 +68,18 @@ class Account:
     def set_state(self, state: dict[str, float]) -> None:
         """Go on from what `state` told."""
         for key in KEPT:
-            setattr(self, key, float(state[key]))
+            setattr(self, key, float(state.get(key, 0.0)))  # older ones know no contact
 
-    def entries_at(
-        self, table: dict[str, float], dissipated: float, external_work: float
-    ) -> dict[str, Any]:
-        """The account [J] of a moment with the energies `table`."""
+    def entries_at(self, table: dict[str, float], sums: Any = None) -> dict[str, Any]:
+        """The account [J] of a moment with the energies `table` and these `sums`; None: now."""
+        now = self.sums() if sums is None else sums
+        dissipated, external_work, contact, friction = (float(value) for value in now)
+        touched = {"contact": contact, "friction": friction} if self.touches else {}
         error = sum(table.values()) + dissipated - external_work - self.start
         return {
             **table,
-            "dissipated": float(dissipated),
-            "external_work": float(external_work),
+            "dissipated": dissipated,
+            "external_work": external_work,
             "error": error,
+            **touched,
         }

@@ -21,10 +21,16 @@ class ExplicitEuler:
 
     @staticmethod
     @ti.func
-    def move(state: ti.template(), contact: ti.template(), i, a, now):
+    def ahead(state: ti.template(), i, a, now):
+        """The velocity that moves node i [m/s].  Reads velocity."""
+        return state.velocity[i] + 0.0 * a
+
+    @staticmethod
+    @ti.func
+    def move(state: ti.template(), contact: ti.template(), i, a, now, met):
         """Move node i with acceleration a [m/s²] through a substep; returns a `State.Moved`.
 
-        Reads and writes velocity and displacement.
+        Reads and writes velocity and displacement.  Surfaces do not touch: `met` is 0.
         """
         before = state.velocity[i]
         after = held(state, i, before + now.h * a)

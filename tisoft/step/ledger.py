@@ -42,3 +42,20 @@ def note(state: ti.template(), i, elements, viscous, moved, old, now):
             taken += (kept[c] + load[c]) * moved.push[c] - mass * moved.jump[c] * mean[c]
     state.work[i][0] = state.work[i][0] + taken
     state.work[i][1] = state.work[i][1] + given
+
+
+@ti.func
+def note_touch(state: ti.template(), i, moved, pushed, rubbed):
+    """Add what other surfaces did to node i, pushed and rubbed [m/s]: −m J·(v + v')/2 each to
+    state.touched; what a held component takes up is its pin's work.
+    """
+    mass = 1.0 / state.inverse_mass[i]
+    mean = 0.5 * (moved.before + moved.after)
+    contact, friction = -mass * pushed.dot(mean), -mass * rubbed.dot(mean)
+    bits = state.fixed[i]
+    for c in ti.static(range(3)):
+        if bits & (1 << c):
+            state.work[i][1] = state.work[i][1] - mass * (pushed[c] + rubbed[c]) * mean[c]
+    state.work[i][0] = state.work[i][0] + contact + friction
+    state.touched[i][0] = state.touched[i][0] + contact
+    state.touched[i][1] = state.touched[i][1] + friction

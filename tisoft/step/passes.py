@@ -13,27 +13,25 @@ from typing import Any
 
 import taichi as ti
 
-from tisoft.model.state import DONE, FIRST, LAST, MOVE, PASSES, PUSH, TASK, THREADS, TOUCH, TRIPPED
+from tisoft.model.state import (
+    DONE,
+    FIRST,
+    LAST,
+    MOVE,
+    PASSES,
+    PUSH,
+    REACHED,
+    TASK,
+    THREADS,
+    TOUCH,
+    TOUCH_SCENE,
+    TRIPPED,
+)
+from tisoft.model.threads import SLICE, meet, share
 from tisoft.step import consistent_mass, driving, external, forces, record, touch
+from tisoft.step.meeting import is_stale, touch_nodes
 from tisoft.step.substep import begin_solve, move_solved, node, now_of
-
-SLICE = 512
-"""Iterations per thread of the outer loop: Taichi never cuts a slice of this size in two."""
-
-
-@ti.func
-def meet(s: ti.template(), scene, phase, threads):
-    """Wait until all threads have come here for the `phase`-th time (counted from 1)."""
-    if threads > 1:
-        ti.atomic_add(s.state.arrived[scene], 1)
-        while ti.atomic_or(s.state.arrived[scene], 0) < phase * threads:
-            pass
-
-
-@ti.func
-def share(low, high, t, threads):
-    """Where the share of thread t in low .. high begins."""
-    return low + (high - low) * t // threads
+from tisoft.touch.fields import BUILT
 
 
 @ti.func
@@ -58,8 +56,9 @@ def solve(s: ti.template(), scene, t, threads, phase, now):
             meet(s, scene, phase, threads)
             for i in range(first, last):
                 consistent_mass.iterate_solve(s.mass, s.state, i, i + back, 2 * k + half, half)
-    for i in range(first, last):  # a node's acceleration is its own by now
-        move_solved(s, i, i + back, now)
+    if ti.static(not s.meets):  # a node's acceleration is its own by now
+        for i in range(first, last):
+            move_solved(s, i, i + back, now)
     return phase
 
 
@@ -86,7 +85,8 @@ def walk(s: ti.template(), scene, t, threads):
     passes, task = s.state.orders[scene, PASSES], s.state.orders[scene, TASK]
     number, end = s.state.orders[scene, FIRST], s.state.orders[scene, LAST]
     phase = 0
-    while number < end:
+    stale = False
+    while number < end and not stale:
         now = now_of(s, scene, number % passes, passes)
         if task == MOVE and number % passes == 0:
             for i in range(first, last):
@@ -106,7 +106,9 @@ def walk(s: ti.template(), scene, t, threads):
         if task == MOVE:
             if ti.static(s.consistent):
                 phase = solve(s, scene, t, threads, phase, now)
-            else:
+            if ti.static(s.meets):
+                phase = touch_nodes(s, scene, t, threads, phase, now)
+            elif ti.static(not s.consistent):
                 for i in range(first, last):
                     node(s, i, now)
         phase += 1
@@ -118,6 +120,9 @@ def walk(s: ti.template(), scene, t, threads):
                         touch.meet_obstacles(s, p, now)
                 phase += 1
                 meet(s, scene, phase, threads)
+        if ti.static(s.meets):
+            if task == MOVE and is_stale(s, scene, threads):
+                stale = True
         number += 1
         if task != PUSH and number % passes == 0:
             record.sum_up(s, scene, t, threads)
@@ -129,6 +134,11 @@ def walk(s: ti.template(), scene, t, threads):
             meet(s, scene, phase, threads)
             if s.state.orders[scene, TRIPPED]:
                 number = end
+    if ti.static(s.meets):
+        if task == MOVE and t == 0:
+            s.state.orders[scene, REACHED] = number
+            if stale:
+                s.surfaces.order[s.state.ranges[scene, TOUCH_SCENE], BUILT] = 0
 
 
 def make_advance(s: Any, alone: bool) -> Any:

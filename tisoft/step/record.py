@@ -23,6 +23,7 @@ from tisoft.model.state import (
     RECORDS,
     SUM,
     TASK,
+    TOUCHED,
     TRIPPED,
 )
 from tisoft.step import forces
@@ -34,6 +35,7 @@ def save(state: ti.template(), i):
     state.saved_displacement[i] = state.displacement[i]
     state.saved_velocity[i] = state.velocity[i]
     state.work[i] = 0.0 * state.work[i]
+    state.touched[i] = 0.0 * state.touched[i]
 
 
 @ti.func
@@ -74,6 +76,8 @@ def sum_chunk(s: ti.template(), scene, chunk):
         if ti.static(s.ledger):
             add(s, row, 5, s.state.work[i][0])
             add(s, row, 6, s.state.work[i][1])
+            add(s, row, TOUCHED, s.state.touched[i][0])
+            add(s, row, TOUCHED + 1, s.state.touched[i][1])
         if s.state.orders[scene, TASK] == SUM:
             f = forces.total(s.state, i)
             if ti.static(s.ledger):

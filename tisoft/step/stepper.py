@@ -15,12 +15,14 @@ from tisoft.model import state as columns
 from tisoft.model.system import System
 from tisoft.step.explicit_euler import ExplicitEuler
 from tisoft.step.launches import make_advance as make_launches
+from tisoft.step.meeting import make_search
 from tisoft.step.pace import CELLS_PER_THREAD, TRIAL, TRIAL_WORK, Pace
 from tisoft.step.passes import make_advance
 from tisoft.step.schedule import Schedule
 from tisoft.step.substep import Structure
 from tisoft.step.symplectic_euler import SymplecticEuler
 from tisoft.step.velocity_verlet import VelocityVerlet
+from tisoft.touch.touching import Touching
 
 INTEGRATORS: dict[str, Any] = {
     "symplectic-euler": SymplecticEuler,
@@ -33,6 +35,8 @@ LAUNCH_WORK = 400_000
 """Cell-substeps per launch at the most, some 5 ms: Ctrl-C and a busy machine are felt soon."""
 SHORTEST = 8
 """Substeps per launch that are worth it for any scene."""
+TOUCHING = 20
+"""Times as many cells that a thread must have where surfaces may touch."""
 SPRINGS_PER_TET = 3
 """Springs that cost about as much as one tet."""
 
@@ -44,6 +48,13 @@ class Rules:
     integrator: str
     contact: bool
     ledger: bool
+    touching: Touching | None = None
+    """Surfaces that may touch."""
+
+    @property
+    def surfaces(self) -> Any:
+        """Fields of contact of surfaces, or None."""
+        return None if self.touching is None else self.touching.fields
 
 
 class Stepper:
@@ -69,7 +80,9 @@ class Stepper:
         self.integrator = INTEGRATORS[rules.integrator]
         work = system.elements + system.springs // SPRINGS_PER_TET
         pool = runtime.threads() if runtime.on_cpu() else 1
-        most = max(1, min(pool, work // CELLS_PER_THREAD))
+        # Sweeps of contact meet at many barriers, so a thread must have much to do between two.
+        least = CELLS_PER_THREAD * (TOUCHING if rules.touching is not None else 1)
+        most = max(1, min(pool, work // least))
         self.pace = Pace(most if threads is None else max(1, min(threads, pool)))
         self.fixed = threads
         self.longest = max(SHORTEST, LAUNCH_WORK // max(1, work))
@@ -86,6 +99,7 @@ class Stepper:
             system.mass_lease.fields if system.mass_lease is not None else None,
             schedule.fields if schedule is not None else None,
             system.touch_lease.fields if rules.contact and system.touch_lease else None,
+            rules.surfaces,
         )
         self._call = 0.0
         """Seconds that calling several threads takes, which a short trial must not count."""
@@ -95,8 +109,12 @@ class Stepper:
         """advance(scene), compiled once for the fields that it touches and the rules."""
         structure, alone, on_cpu = self.structure, self.pace.most == 1, runtime.on_cpu()
         fields = (*structure.blocks, structure.mass, structure.inputs, structure.touch)
-        key = ("advance", *fields, self.rules, alone, on_cpu)
-        return self.system.lease.arena.kernel(
+        rules = (self.rules.integrator, self.rules.contact, self.rules.ledger)
+        key = ("advance", *fields, structure.surfaces, rules, alone, on_cpu)
+        kernel = self.system.lease.arena.kernel
+        if structure.meets:
+            self._search = kernel(("search", *key[1:]), lambda: make_search(structure, alone))
+        return kernel(
             key, lambda: make_advance(structure, alone) if on_cpu else make_launches(structure)
         )
 
@@ -122,6 +140,8 @@ class Stepper:
         `most_kinetic`; `tripped` then tells.  The state at the start of the last one made is saved.
         """
         self.system.check_alive()
+        if self.rules.touching is not None:
+            self.rules.touching.forget()  # whoever calls may have changed the state
         for name, value in zip(
             (columns.STEP, 1, 2, 3, columns.MOST_KINETIC, columns.KICK),
             (step, *gravity, min(most_kinetic, 1e300), 0.5 * ((before or step) + step)),
@@ -155,7 +175,12 @@ class Stepper:
         if self.schedule is not None:
             self.schedule.fill(done, now)
         begun = time.perf_counter()
+        touching = self.rules.touching
+        if touching is not None and touching.is_stale(threads):
+            self._search(self.system.scene)
         self._advance(self.system.scene)
+        if touching is not None:
+            now = int(self.system.state.orders[self.system.scene, columns.REACHED]) - done
         if not runtime.on_cpu():
             runtime.import_taichi().sync()
         if self.fixed is None:
@@ -217,9 +242,12 @@ class Stepper:
         """Kinetic energy [J] at the end of a stretch of the last launch."""
         return self._record(number, 0)
 
-    def work(self, number: int) -> tuple[float, float]:
-        """Energy dissipated and external work [J] in a stretch of the last launch."""
-        return self._record(number, 5), self._record(number, 6)
+    def work(self, number: int) -> list[float]:
+        """Energy dissipated and external work [J] in a stretch of the last launch; contact's and
+        friction's share of the former.
+        """
+        own = (5, 6, columns.TOUCHED, columns.TOUCHED + 1)
+        return [self._record(number, column) for column in own]
 
     def is_finite(self, number: int) -> bool:
         """Whether the state at the end of a stretch of the last launch is."""

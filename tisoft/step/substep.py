@@ -40,6 +40,13 @@ class Structure:
     """Fields of what acts in time, or None where nothing does."""
     touch: Any = None
     """Fields of points of carried surfaces that meet obstacles, or None where none do."""
+    surfaces: Any = None
+    """Fields of contact of surfaces, or None where none may touch."""
+
+    @property
+    def meets(self) -> bool:
+        """Whether surfaces may touch."""
+        return self.surfaces is not None
 
     @property
     def consistent(self) -> bool:
@@ -62,18 +69,22 @@ def node(s: ti.template(), i, now):
     """Steps 2 to 5 at node i, with lumped mass."""
     f = forces.total(s.state, i)
     a = external.acceleration(s.state, i, f + external.force(s.state, i, now), now)
-    move(s, i, a, f, now)
+    move(s, i, a, f, now, 0.0 * a, 0.0 * a)
 
 
 @ti.func
-def move(s: ti.template(), i, a, f, now):
-    """Steps 4 and 5 at node i, with acceleration a [m/s²]; f is the elements' force [N]."""
+def move(s: ti.template(), i, a, f, now, pushed, rubbed):
+    """Steps 4 and 5 at node i, with acceleration a [m/s²]; f is the elements' force [N], pushed and
+    rubbed what other surfaces add to its velocity [m/s].
+    """
     old = s.state.velocity[i]
-    moved = s.integrator.move(s.state, s.contact, i, a, now)
+    moved = s.integrator.move(s.state, s.contact, i, a, now, pushed + rubbed)
     if ti.static(s.ledger and s.touches):
         s.state.pull[i] = a
     if ti.static(s.ledger):
         ledger.note(s.state, i, f, forces.viscous_total(s.state, i), moved, old, now)
+        if ti.static(s.meets):
+            ledger.note_touch(s.state, i, moved, pushed, rubbed)
 
 
 @ti.func
@@ -88,7 +99,8 @@ def begin_solve(s: ti.template(), i, row, now):
 @ti.func
 def move_solved(s: ti.template(), i, row, now):
     """Steps 4 and 5 at node i, with the acceleration that the solve has found."""
-    move(s, i, s.mass.solution[row], s.mass.force[row], now)
+    a = s.mass.solution[row]
+    move(s, i, a, s.mass.force[row], now, 0.0 * a, 0.0 * a)
 
 
 @ti.func

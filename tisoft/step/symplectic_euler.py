@@ -28,19 +28,25 @@ class SymplecticEuler:
 
     @staticmethod
     @ti.func
-    def move(state: ti.template(), contact: ti.template(), i, a, now):
+    def ahead(state: ti.template(), i, a, now):
+        """The velocity that would move node i [m/s] with acceleration a [m/s²]; reads velocity."""
+        return state.velocity[i] + now.kick * a
+
+    @staticmethod
+    @ti.func
+    def move(state: ti.template(), contact: ti.template(), i, a, now, met):
         """Move node i with acceleration a [m/s²] through a substep; returns a `State.Moved`.
 
-        Reads and writes velocity and displacement.
+        Reads and writes velocity and displacement; `met` is what surfaces add to it [m/s].
         """
         before = state.velocity[i]
-        after = before + now.kick * a
+        after = before + now.kick * a + met
         jump, push = 0.0 * a, 0.0 * a
         if ti.static(contact):
             if state.fixed[i] != 7:
-                met, push = collide(state, i, now.h, after)
-                jump = met - after
-                after = met
+                slid, push = collide(state, i, now.h, after)
+                jump = slid - after
+                after = slid
         after = held(state, i, after)
         push = free(state, i, push)
         way = now.h * after + push

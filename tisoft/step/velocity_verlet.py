@@ -23,11 +23,23 @@ class VelocityVerlet:
 
     @staticmethod
     @ti.func
-    def move(state: ti.template(), contact: ti.template(), i, a, now):
+    def ahead(state: ti.template(), i, a, now):
+        """The velocity that would move node i [m/s], with acceleration a [m/s²]; reads velocity and
+        half.
+        """
+        v = state.velocity[i]
+        if now.closes:
+            v = state.half[i] + 0.5 * now.h * a
+        return v + 0.5 * now.h * a
+
+    @staticmethod
+    @ti.func
+    def move(state: ti.template(), contact: ti.template(), i, a, now, met):
         """Move node i with acceleration a [m/s²] through a pass; returns a `State.Moved`.
 
         Reads and writes velocity, half and displacement: v(t + h/2) is kept in `half`, and
-        `velocity` gets the prediction that the next viscous forces see.
+        `velocity` gets the prediction that the next viscous forces see; `met` is what surfaces add
+        to what moves it [m/s].
         """
         h = now.h
         before = state.velocity[i]
@@ -40,17 +52,17 @@ class VelocityVerlet:
             way += 0.5 * h * before
         if now.opens:
             kick += 0.5 * h
-        ahead = new + 0.5 * h * a  # the velocity that moves the node
+        ahead = new + 0.5 * h * a + met  # the velocity that moves the node
         push, jump = 0.0 * a, 0.0 * a
         if ti.static(contact):
             if state.fixed[i] != 7:
-                met, found = collide(state, i, h, ahead)
-                jump, push = met - ahead, found
-                ahead = met
+                slid, found = collide(state, i, h, ahead)
+                jump, push = slid - ahead, found
+                ahead = slid
                 if not now.opens:  # the velocity that a frame ends with does not lead inside either
-                    met, found = collide(state, i, h, new)
-                    jump, push = met - new, 0.0 * a
-                    new = met
+                    slid, found = collide(state, i, h, new)
+                    jump, push = slid - new, 0.0 * a
+                    new = slid
         new = held(state, i, new)
         ahead = held(state, i, ahead)
         push = free(state, i, push)

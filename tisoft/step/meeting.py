@@ -1,0 +1,175 @@
+# mypy: ignore-errors
+"""A pass over the nodes where surfaces may touch: kicks, then impulses of contact, then moves.
+
+    v* = v + h a  |  rows of the pairs that may touch  |  sweeps: v = v* + M⁻¹ Jᵀ λ  |  x += h v
+
+Where no pair is listed this is the plain pass over the nodes, which also looks how far points have
+gone; before the substep in which one may leave its list's reach, lists are made anew.
+"""
+
+from typing import Any
+
+import taichi as ti
+
+from tisoft.model.state import THREADS, TOUCH_SCENE
+from tisoft.model.threads import SLICE, meet, share
+from tisoft.step import external, forces
+from tisoft.step.fixed import held
+from tisoft.step.substep import move, move_solved, node, now_of
+from tisoft.touch import fields as f
+from tisoft.touch.lists import search
+from tisoft.touch.rows import find_rows
+from tisoft.touch.sweeps import sweep
+
+SAFE = 0.95
+"""Share of the allowed way after which lists are made anew."""
+
+
+@ti.func
+def place(s: ti.template(), i, p, v):
+    """Tell contact where node i, its point p, is and how fast [m/s].  Reads rest, displacement."""
+    bits = s.state.fixed[i]
+    s.surfaces.place[p] = s.state.rest[i] + s.state.displacement[i]
+    s.surfaces.velocity[p], s.surfaces.kicked[p] = v, v
+    s.surfaces.held[p] = bits
+    s.surfaces.inverse_mass[p] = 0.0 if bits == 7 else s.state.inverse_mass[i]
+    s.surfaces.met[p] = 0
+
+
+@ti.func
+def kick(s: ti.template(), i, row, n, now):
+    """Acceleration of node i without contact, into row n of touch; its point's place and v*."""
+    a, elements = 0.0 * s.state.velocity[i], 0.0 * s.state.velocity[i]
+    if ti.static(s.consistent):
+        a = s.mass.solution[row]
+        elements = s.mass.force[row]
+    else:
+        elements = forces.total(s.state, i)
+        a = external.acceleration(s.state, i, elements + external.force(s.state, i, now), now)
+    s.surfaces.acceleration[n], s.surfaces.force[n] = a, elements
+    p = s.surfaces.point[n]
+    if p >= 0:
+        place(s, i, p, held(s.state, i, s.integrator.ahead(s.state, i, a, now)))
+
+
+@ti.func
+def finish(s: ti.template(), i, n, now):
+    """Move node i with what contact has added to its velocity."""
+    p = s.surfaces.point[n]
+    pushed, rubbed = 0.0 * s.state.velocity[i], 0.0 * s.state.velocity[i]
+    if p >= 0:
+        if s.surfaces.met[p]:
+            pushed = s.surfaces.pushed[p] * s.state.inverse_mass[i]
+            rubbed = s.surfaces.rubbed[p] * s.state.inverse_mass[i]
+    move(s, i, s.surfaces.acceleration[n], s.surfaces.force[n], now, pushed, rubbed)
+
+
+@ti.func
+def left(s: ti.template(), i, p, h):
+    """How far node i may have gone by the end of the next substep, as a share of what it may."""
+    way = (s.state.rest[i] + s.state.displacement[i] - s.surfaces.listed[p]).norm()
+    way += 2.0 * h * s.state.velocity[i].norm()
+    return way / s.surfaces.number[s.surfaces.body[p], f.ALLOWED]
+
+
+@ti.func
+def renew(s: ti.template(), scene, t, threads, now):
+    """List the pairs anew, as thread t of `threads` sees it."""
+    phase = 0
+    low, high = s.state.ranges[scene, 0], s.state.ranges[scene, 1]
+    q = s.state.ranges[scene, TOUCH_SCENE]
+    for i in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
+        p = s.surfaces.point[s.surfaces.order[q, f.NODE] + i - low]
+        if p >= 0:
+            place(s, i, p, s.state.velocity[i])
+    phase += 1
+    meet(s, scene, phase, threads)
+    search(s, s.surfaces, scene, q, t, threads, phase, now)
+
+
+@ti.func
+def maxima(s: ti.template(), q, t, threads, phase, scene):
+    """Maxima over threads of way [m] and speed [m/s]; returns them."""
+    thread = s.surfaces.order[q, f.THREAD]
+    far, fast = s.surfaces.most[thread, f.FAR], s.surfaces.most[thread, f.FAST]
+    for k in range(1, threads):
+        far = ti.max(far, s.surfaces.most[thread + k, f.FAR])
+        fast = ti.max(fast, s.surfaces.most[thread + k, f.FAST])
+    return far, fast
+
+
+@ti.func
+def touch_nodes(s: ti.template(), scene, t, threads, phase, now):
+    """Steps 2 to 5 at thread t's nodes; returns the phase that it has come to."""
+    low, high = s.state.ranges[scene, 0], s.state.ranges[scene, 1]
+    first, last = share(low, high, t, threads), share(low, high, t + 1, threads)
+    q = s.state.ranges[scene, TOUCH_SCENE]
+    thread, base = s.surfaces.order[q, f.THREAD], s.surfaces.order[q, f.NODE] - low
+    back = s.state.ranges[scene, 15] - low
+    is_met = s.surfaces.order[q, f.COUNT] > 0 and now.opens
+    if is_met:
+        far, fast = 0.0 * now.h, 0.0 * now.h
+        for i in range(first, last):
+            kick(s, i, i + back, i + base, now)
+            p = s.surfaces.point[i + base]
+            if p >= 0:
+                if s.surfaces.trait[s.surfaces.body[p], f.NEAR]:
+                    far = ti.max(far, (s.surfaces.place[p] - s.surfaces.listed[p]).norm())
+                    fast = ti.max(fast, s.surfaces.kicked[p].norm())
+        s.surfaces.most[thread + t, f.FAR], s.surfaces.most[thread + t, f.FAST] = far, fast
+        phase += 1
+        meet(s, scene, phase, threads)
+        far, fast = maxima(s, q, t, threads, phase, scene)
+        rows = find_rows(s.surfaces, q, t, far, fast, now.h)
+        s.surfaces.most[thread + t, f.WORST] = rows
+        phase += 1
+        meet(s, scene, phase, threads)
+        rows = 0
+        for k in range(threads):
+            rows += ti.cast(s.surfaces.most[thread + k, f.WORST], ti.i32)
+        if rows > 0:
+            if t == 0:
+                s.surfaces.order[q, f.ROWS] = s.surfaces.order[q, f.ROWS] + rows
+            phase = sweep(s, s.surfaces, scene, q, t, threads, phase, now)
+    share_gone = 0.0 * now.h
+    for i in range(first, last):
+        if is_met:
+            finish(s, i, i + base, now)
+        elif ti.static(s.consistent):
+            move_solved(s, i, i + back, now)
+        else:
+            node(s, i, now)
+        p = s.surfaces.point[i + base]
+        if p >= 0:
+            share_gone = ti.max(share_gone, left(s, i, p, now.h))
+    s.surfaces.most[thread + t, f.STALE] = share_gone
+    return phase
+
+
+@ti.func
+def is_stale(s: ti.template(), scene, threads):
+    """Whether some point may leave its list's reach in the next substep."""
+    thread = s.surfaces.order[s.state.ranges[scene, TOUCH_SCENE], f.THREAD]
+    gone = s.surfaces.most[thread, f.STALE]
+    for k in range(1, threads):
+        gone = ti.max(gone, s.surfaces.most[thread + k, f.STALE])
+    return gone > SAFE
+
+
+def make_search(s: Any, alone: bool) -> Any:
+    """The kernel search(scene), which lists pairs anew; `alone`: on the caller's thread."""
+
+    @ti.kernel
+    def renewed(scene: int):
+        s.state.arrived[scene] = 0
+        if ti.static(alone):
+            ti.loop_config(serialize=True)
+            for _ in range(1):
+                renew(s, scene, 0, 1, now_of(s, scene, 1, 1))
+        else:
+            for item in range(s.state.orders[scene, THREADS] * SLICE):
+                if item % SLICE == 0:
+                    threads = s.state.orders[scene, THREADS]
+                    renew(s, scene, item // SLICE, threads, now_of(s, scene, 1, 1))
+
+    return renewed

@@ -1,0 +1,74 @@
+# mypy: ignore-errors
+"""Nearest points of triangles and edges (Ericson 2005, 5.1.5 and 5.1.9), as Taichi functions.
+
+triangle abc:  x = w_a a + w_b b + w_c c,  Σ w = 1, w ≥ 0
+lines ab, cd:  (a + s (b − a)) − (c + t (d − c))  normal to both
+"""
+
+import taichi as ti
+
+PARALLEL = 1e-4
+"""Square of the sine below which two edges count as parallel: nodes and faces see to those."""
+
+
+@ti.func
+def on_triangle(p, a, b, c):
+    """Weights of the point of triangle abc nearest to p."""
+    ab, ac, ap, bp, cp = b - a, c - a, p - a, p - b, p - c
+    d1, d2 = ab.dot(ap), ac.dot(ap)
+    d3, d4 = ab.dot(bp), ac.dot(bp)
+    d5, d6 = ab.dot(cp), ac.dot(cp)
+    va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
+    wa, wb, wc = 0.0 * d1, 0.0 * d1, 0.0 * d1
+    if d1 <= 0 and d2 <= 0:
+        wa = 0.0 * d1 + 1.0
+    elif d3 >= 0 and d4 <= d3:
+        wb = 0.0 * d1 + 1.0
+    elif d6 >= 0 and d5 <= d6:
+        wc = 0.0 * d1 + 1.0
+    elif vc <= 0 and d1 >= 0 and d3 <= 0:
+        wb = d1 / (d1 - d3)
+        wa = 1.0 - wb
+    elif vb <= 0 and d2 >= 0 and d6 <= 0:
+        wc = d2 / (d2 - d6)
+        wa = 1.0 - wc
+    elif va <= 0 and d4 - d3 >= 0 and d5 - d6 >= 0:
+        wc = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        wb = 1.0 - wc
+    else:
+        share = 1.0 / (va + vb + vc)
+        wb, wc = vb * share, vc * share
+        wa = 1.0 - wb - wc
+    return ti.Vector([wa, wb, wc])
+
+
+@ti.func
+def between_lines(u, v, r):
+    """s and t of lines a + s u and c + t v nearest to each other, r = a − c; −1 where parallel."""
+    uu, vv, uv, ur, vr = u.dot(u), v.dot(v), u.dot(v), u.dot(r), v.dot(r)
+    det = uu * vv - uv * uv
+    s, t = 0.0 * det - 1.0, 0.0 * det - 1.0
+    if det > PARALLEL * uu * vv:
+        s = (uv * vr - vv * ur) / det
+        t = (uu * vr - uv * ur) / det
+    return s, t
+
+
+@ti.func
+def clamped(value):
+    """Into 0 .. 1."""
+    return ti.min(ti.max(value, 0.0 * value), 0.0 * value + 1.0)
+
+
+@ti.func
+def between_edges(a, b, c, d):
+    """Distance [m] of two edges, ends included."""
+    u, v, r = b - a, d - c, a - c
+    uu, vv, uv, ur, vr = u.dot(u), v.dot(v), u.dot(v), u.dot(r), v.dot(r)
+    det = uu * vv - uv * uv
+    s = 0.0 * det
+    if det > 0.0:
+        s = clamped((uv * vr - vv * ur) / det)
+    t = clamped((uv * s + vr) / vv)
+    s = clamped((uv * t - ur) / uu)
+    return (r + s * u - t * v).norm()

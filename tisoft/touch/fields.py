@@ -1,0 +1,274 @@
+# mypy: ignore-errors
+"""What contact of surfaces needs, as Taichi fields: points, triangles, edges, candidates.
+
+A point is a node on a surface, or a corner of an obstacle.  A pair is a candidate: a point and a
+triangle, or two edges.  Its row says what keeps the two apart in the present substep:
+
+    Σ w_k v_k · n ≥ target,    impulses w_k (λ n + λ_t) on its four points
+"""
+
+from typing import Any, ClassVar
+
+import taichi as ti
+
+from tisoft import runtime
+
+A = ti.types.ndarray()
+
+(POINT, POINT_END, TRIANGLE, TRIANGLE_END, EDGE, EDGE_END, BODY, BODY_END, PAIR, FACE_ROOM,
+ EDGE_ROOM, BUCKET, MASK, NODE, COUPLE, BOX, BOX_END, THREAD, COUNT, BUILT, BUILDS, FULL,
+ SWEEPS, ROWS, BOXES) = range(25)  # fmt: skip
+"""Columns of `Touch.order`: where a scene's rows begin and end; candidates found; threads of the
+last search, 0 where it is out of date; searches; whether candidates found no room; sweeps and rows
+so far."""
+LEAST, MOST, THICK, LONGEST, REACH, MARGIN, TOLERANCE, LIMIT = range(8)
+"""Columns of `Touch.length` [m]: least and most margin, largest thickness, longest edge, distance
+up to which pairs are listed, the margin in it, residual that ends the sweeps, reach within one
+body."""
+SOLID, SELF, KINEMATIC, FIRST, LAST, NEAR, BOX_START = range(7)
+"""Columns of `Touch.trait`."""
+HALF, FRICTION, DEPTH, ALLOWED = range(4)
+"""Columns of `Touch.number`: half the thickness [m], Coulomb's coefficient, depth of push [m], way
+[m] that a point may go before the next search."""
+FACE_START, FACE_STOP, EDGE_START, EDGE_STOP, FACES_NEAR, EDGES_NEAR = range(6)
+"""Columns of `Touch.segment`: each thread's pairs, and how many of them have rows."""
+FAR, FAST, WORST, STALE = range(4)
+"""Columns of `Touch.most`: each thread's maxima."""
+
+
+@ti.data_oriented
+class Touch:
+    """Fields of contact; a scene has a range of the rows of each kind.
+
+    Args:
+        structure: "f32" or "f64".
+        rows: of each kind, see LEAST.
+    """
+
+    LEAST: ClassVar = {
+        "points": 2048,
+        "nodes": 4096,
+        "triangles": 4096,
+        "fans": 12288,
+        "edges": 1024,
+        "pairs": 32768,
+        "buckets": 16384,
+        "bodies": 64,
+        "couples": 1024,
+        "boxes": 1024,
+        "threads": 64,
+        "scenes": 16,
+    }  # fmt: skip
+
+    def __init__(self, structure: str, rows: dict[str, int]) -> None:
+        self.serial = runtime.on_cpu()
+        self.real = real = runtime.real_type(structure)[1]
+        self.wide = wide = ti.f64 if runtime.has_f64() else ti.f32
+        vec3 = ti.types.vector(3, real)
+        four = ti.types.vector(4, ti.i32)
+        builder = ti.FieldsBuilder()
+
+        def field(kind: Any, count: str, *more: int) -> Any:
+            made = kind.field() if hasattr(kind, "field") else ti.field(kind)
+            axes = [ti.i, ti.ij][len(more)]
+            builder.dense(axes, (rows[count], *more)).place(made)
+            return made
+
+        self.point = field(ti.i32, "nodes")
+        """Row of a node's point, −1 for none."""
+        self.acceleration = field(vec3, "nodes")
+        """Without contact [m/s²]."""
+        self.force = field(vec3, "nodes")
+        """Of the elements [N]."""
+
+        self.body = field(ti.i32, "points")
+        """Row of its body."""
+        self.place = field(vec3, "points")
+        """From its body's origin [m]."""
+        self.listed = field(vec3, "points")
+        """The same at the last search [m]."""
+        self.velocity = field(vec3, "points")
+        """[m/s]."""
+        self.kicked = field(vec3, "points")
+        """Before contact [m/s]."""
+        self.held = field(ti.i32, "points")
+        """Bits of axes that do not answer to impulses."""
+        self.inverse_mass = field(real, "points")
+        """[1/kg]; 0 for what is held or an obstacle's."""
+        self.weight = field(real, "points")
+        """S = Σ |w| over the rows that it is part of."""
+        self.met = field(ti.i32, "points")
+        """Whether it is part of a row."""
+        self.pushed = field(vec3, "points")
+        """Impulse of contact on it [N s], along normals."""
+        self.rubbed = field(vec3, "points")
+        """Impulse of friction on it [N s]."""
+        self.slot_start = field(ti.i32, "points")
+        """Where its rows of `slot` begin."""
+        self.fan_start = field(ti.i32, "points")
+        """Where its rows of `fan` begin."""
+        self.cell = field(four, "points")
+        """Cell of the grid, and its bucket."""
+        self.sorted = field(ti.i32, "points")
+        """Points by bucket."""
+        self.touched = field(ti.i32, "points")
+        """Each thread's points that are part of rows."""
+
+        self.triangle = field(ti.i32, "triangles", 3)
+        """Points, counter-clockwise from outside."""
+        self.owned = field(ti.i32, "triangles")
+        """See `Surface.owned`."""
+        self.across = field(ti.i32, "triangles", 3)
+        """See `Surface.across`."""
+        self.fan = field(ti.i32, "fans", 2)
+        """See `Surface.fan`."""
+        self.edge = field(ti.i32, "edges", 2)
+        """Ends."""
+        self.sides = field(ti.i32, "edges", 2)
+        """See `Surface.sides`."""
+        self.edge_cell = field(four, "edges")
+        """Cell of its middle, and its bucket."""
+        self.edge_sorted = field(ti.i32, "edges")
+        """Edges by bucket."""
+
+        self.ends = field(ti.i32, "pairs", 4)
+        """Its points: a point and a triangle's, or two of each edge."""
+        self.item = field(ti.i32, "pairs", 2)
+        """Triangle and −1, or two edges."""
+        self.distance = field(real, "pairs")
+        """At the last search [m]."""
+        self.side = field(ti.i32, "pairs")
+        """Of a sheet: where the point was last seen, 1 or −1; 0 where not yet."""
+        self.near = field(ti.i32, "pairs")
+        """Whether it has a row."""
+        self.active = field(ti.i32, "pairs")
+        """Each thread's pairs that have rows."""
+        self.share = field(real, "pairs", 4)
+        """w."""
+        self.normal = field(vec3, "pairs")
+        """n."""
+        self.target = field(real, "pairs")
+        """[m/s]."""
+        self.impulse = field(real, "pairs")
+        """λ [N s]."""
+        self.grip = field(vec3, "pairs")
+        """λ_t [N s]."""
+        self.slot = field(ti.i32, "pairs", 4)
+        """4 pair + corner, by point; four to a row."""
+
+        self.bucket = field(ti.i32, "buckets", 2)
+        """Where the points, and the edges, of a bucket begin."""
+        self.only = field(ti.i32, "buckets")
+        """Body that a bucket's points are all of, −1 where of several."""
+        self.trait = field(ti.i32, "bodies", 7)
+        self.number = field(real, "bodies", 4)
+        self.origin = field(ti.types.vector(3, wide), "bodies")
+        """From the scene's middle [m]."""
+        self.low = field(vec3, "bodies")
+        """Box of a body's points [m]."""
+        self.high = field(vec3, "bodies")
+        self.may = field(ti.i32, "couples")
+        """Whether two bodies may touch, row by row."""
+        self.box_low = field(vec3, "boxes")
+        """Parts of a body's box where another one may be near [m]."""
+        self.box_high = field(vec3, "boxes")
+        self.segment = field(ti.i32, "threads", 6)
+        self.most = field(real, "threads", 4)
+        self.order = field(ti.i32, "scenes", 25)
+        self.length = field(wide, "scenes", 8)
+        self.tree = builder.finalize()
+
+    @staticmethod
+    def bytes_of(structure: str, rows: dict[str, int]) -> int:
+        """Memory that the fields take [bytes]."""
+        real = 8 if structure == "f64" else 4
+        points = rows["points"] * (20 * real + 44) + rows["nodes"] * (6 * real + 4)
+        return points + rows["triangles"] * 28 + rows["fans"] * 8 + rows["edges"] * 36 + (
+            rows["pairs"] * (13 * real + 52) + rows["buckets"] * 12
+        )  # fmt: skip
+
+    def destroy(self) -> None:
+        """Free the memory; the fields are dead."""
+        self.tree.destroy()
+
+    @ti.kernel
+    def write_points(self, first: int, body: A, fan_start: A, node: int, rows: A):
+        """Write bodies and fans of points, and the point of each node from row `node` on."""
+        ti.loop_config(serialize=self.serial)
+        for k in range(body.shape[0]):
+            self.body[first + k] = body[k]
+            self.fan_start[first + k] = fan_start[k]
+            self.inverse_mass[first + k] = 0.0
+            self.velocity[first + k] = ti.Vector([0.0, 0.0, 0.0])
+            self.met[first + k] = 0
+        ti.loop_config(serialize=self.serial)
+        for k in range(fan_start.shape[0] - body.shape[0]):
+            self.fan_start[first + body.shape[0] + k] = fan_start[body.shape[0] + k]
+        ti.loop_config(serialize=self.serial)
+        for k in range(rows.shape[0]):
+            self.point[node + k] = rows[k]
+
+    @ti.kernel
+    def write_faces(self, first: int, triangles: A, owned: A, across: A, fan_first: int, fan: A):
+        """Write triangles and fans."""
+        ti.loop_config(serialize=self.serial)
+        for k in range(triangles.shape[0]):
+            self.owned[first + k] = owned[k]
+            for d in ti.static(range(3)):
+                self.triangle[first + k, d] = triangles[k, d]
+                self.across[first + k, d] = across[k, d]
+        ti.loop_config(serialize=self.serial)
+        for k in range(fan.shape[0]):
+            for d in ti.static(range(2)):
+                self.fan[fan_first + k, d] = fan[k, d]
+
+    @ti.kernel
+    def write_edges(self, first: int, edges: A, sides: A):
+        """Write edges."""
+        ti.loop_config(serialize=self.serial)
+        for k in range(edges.shape[0]):
+            for d in ti.static(range(2)):
+                self.edge[first + k, d] = edges[k, d]
+                self.sides[first + k, d] = sides[k, d]
+
+    @ti.kernel
+    def write_bodies(self, first: int, traits: A, numbers: A, couple: int, may: A):
+        """Write bodies, and which of them may touch."""
+        ti.loop_config(serialize=self.serial)
+        for k in range(traits.shape[0]):
+            for d in range(traits.shape[1]):
+                self.trait[first + k, d] = traits[k, d]
+            for d in range(numbers.shape[1]):
+                self.number[first + k, d] = numbers[k, d]
+        ti.loop_config(serialize=self.serial)
+        for k in range(may.shape[0]):
+            self.may[couple + k] = may[k]
+
+    @ti.kernel
+    def write_origins(self, first: int, origins: A):
+        """Write where bodies' origins are, from the scene's middle [m]."""
+        ti.loop_config(serialize=self.serial)
+        for k in range(origins.shape[0]):
+            for d in ti.static(range(3)):
+                self.origin[first + k][d] = origins[k, d]
+
+    @ti.kernel
+    def write_scene(self, scene: int, order: A, length: A):
+        """Write a scene's columns."""
+        ti.loop_config(serialize=self.serial)
+        for _ in range(1):
+            for k in range(order.shape[0]):
+                self.order[scene, k] = order[k]
+            for k in range(length.shape[0]):
+                self.length[scene, k] = length[k]
+
+    @ti.kernel
+    def write_places(self, first: int, places: A, velocities: A):
+        """Write places [m] and velocities [m/s] of an obstacle's points."""
+        ti.loop_config(serialize=self.serial)
+        for k in range(places.shape[0]):
+            for d in ti.static(range(3)):
+                self.place[first + k][d] = places[k, d]
+                self.velocity[first + k][d] = velocities[k, d]
+                self.kicked[first + k][d] = velocities[k, d]
+            self.held[first + k] = 7

@@ -1,0 +1,374 @@
+# mypy: ignore-errors
+"""Which pairs may come to touch: a hashed uniform grid, looked at again when something has moved.
+
+    cell = edge/2 + reach,   reach = thickness + margin,   margin = 16 h v within .25 … 1 edge
+
+Points are sorted by the bucket of their cell (counting sort).  Every triangle asks the cells that
+its box, wider by the reach, covers; every edge those where middles of near edges may lie.  Pairs
+come out by triangle and then by point, by edge and then by edge, whatever the grid: with them all
+sums have the same order.  A pair is listed while distance − 2 · way < reach, so candidates hold
+until a point has gone margin/2.
+"""
+
+import taichi as ti
+
+from tisoft.model.threads import meet, share
+from tisoft.touch import fields as f
+from tisoft.touch.closest import between_edges, on_triangle
+
+AHEAD = 16.0
+"""Substeps for which a search is to last."""
+
+
+@ti.func
+def shift(touch: ti.template(), body):
+    """Origin of a body from the scene's middle [m]."""
+    return ti.cast(touch.origin[body], touch.real)
+
+
+@ti.func
+def spot(touch: ti.template(), p):
+    """Place of a point from the scene's middle [m]."""
+    return touch.place[p] + shift(touch, touch.body[p])
+
+
+@ti.func
+def hashed(c, mask):
+    """Bucket of a cell."""
+    return ((c[0] * 73856093) ^ (c[1] * 19349663) ^ (c[2] * 83492791)) & mask
+
+
+@ti.func
+def measure(touch: ti.template(), q, t, threads):
+    """Thread t's bodies: their boxes; its points: where they are now, and the fastest."""
+    low, high = touch.order[q, f.BODY], touch.order[q, f.BODY_END]
+    for b in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
+        lo, hi = 0.0 * touch.place[0] + 1e30, 0.0 * touch.place[0] - 1e30
+        for p in range(touch.trait[b, f.FIRST], touch.trait[b, f.LAST]):
+            x = spot(touch, p)
+            lo, hi = ti.min(lo, x), ti.max(hi, x)
+        touch.low[b], touch.high[b] = lo, hi
+    low, high = touch.order[q, f.POINT], touch.order[q, f.POINT_END]
+    fast = ti.cast(0.0, touch.real)
+    for p in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
+        touch.listed[p] = touch.place[p]
+        fast = ti.max(fast, touch.velocity[p].norm_sqr())
+    touch.most[touch.order[q, f.THREAD] + t, f.FAST] = fast
+
+
+@ti.func
+def gap_of(touch: ti.template(), b, c):
+    """Gap of two bodies' boxes [m], below 0 where they overlap."""
+    apart = ti.max(touch.low[b] - touch.high[c], touch.low[c] - touch.high[b])
+    return ti.max(apart[0], apart[1], apart[2])
+
+
+@ti.func
+def neighbours(touch: ti.template(), q, reach, margin):
+    """Where bodies are near others, and how far each may go; returns the number of boxes."""
+    low, high = touch.order[q, f.BODY], touch.order[q, f.BODY_END]
+    first, room = touch.order[q, f.BOX], touch.order[q, f.BOX_END] - touch.order[q, f.BOX]
+    n = 0
+    for b in range(low, high):
+        touch.trait[b, f.BOX_START] = first + n
+        free = ti.cast(1e30, touch.real)
+        near = 0
+        for c in range(low, high):
+            if touch.may[touch.order[q, f.COUPLE] + (b - low) * (high - low) + c - low]:
+                gap = gap_of(touch, b, c)
+                free = ti.min(free, gap)
+                if gap < reach:
+                    near = 1
+                    if n < room:
+                        touch.box_low[first + n] = ti.max(touch.low[b], touch.low[c] - reach)
+                        touch.box_high[first + n] = ti.min(touch.high[b], touch.high[c] + reach)
+                        n += 1
+                    else:  # one box for all
+                        touch.box_low[first + n - 1] = 0.0 * touch.low[b] - 1e30
+                        touch.box_high[first + n - 1] = 0.0 * touch.low[b] + 1e30
+        touch.trait[b, f.NEAR] = near
+        touch.number[b, f.ALLOWED] = 0.5 * margin + 0.5 * ti.max(free - reach, 0.0 * free)
+    touch.order[q, f.BOXES] = first + n
+    return n
+
+
+@ti.func
+def is_crowded(touch: ti.template(), q, body, lo, hi):
+    """Whether a box of something of a body lies where another body is near."""
+    hit = 0
+    stop = touch.order[q, f.BOXES]
+    if body + 1 < touch.order[q, f.BODY_END]:
+        stop = touch.trait[body + 1, f.BOX_START]
+    for k in range(touch.trait[body, f.BOX_START], stop):
+        if (lo <= touch.box_high[k]).all() and (hi >= touch.box_low[k]).all():
+            hit = 1
+    return hit
+
+
+@ti.func
+def sort_points(touch: ti.template(), q, per_cell):
+    """Counting sort of the points near others by bucket."""
+    first, mask = touch.order[q, f.BUCKET], touch.order[q, f.MASK]
+    base = touch.order[q, f.POINT]
+    for k in range(mask + 2):
+        touch.bucket[first + k, 0] = 0
+    for p in range(base, touch.order[q, f.POINT_END]):
+        b = touch.body[p]
+        if touch.trait[b, f.NEAR]:
+            c = ti.floor(spot(touch, p) * per_cell, ti.i32)
+            k = first + hashed(c, mask)
+            touch.cell[p] = ti.Vector([c[0], c[1], c[2], k])
+            if touch.bucket[k + 1, 0] == 0:
+                touch.only[k] = b
+            elif touch.only[k] != b:
+                touch.only[k] = -1
+            touch.bucket[k + 1, 0] = touch.bucket[k + 1, 0] + 1
+    touch.bucket[first, 0] = base
+    for k in range(first, first + mask + 1):
+        touch.bucket[k + 1, 0] = touch.bucket[k, 0] + touch.bucket[k + 1, 0]
+    for p in range(base, touch.order[q, f.POINT_END]):  # starts walk to their ends …
+        if touch.trait[touch.body[p], f.NEAR]:
+            k = touch.cell[p][3]
+            touch.sorted[touch.bucket[k, 0]] = p
+            touch.bucket[k, 0] = touch.bucket[k, 0] + 1
+    for z in range(mask + 1):  # … and are put back
+        k = first + mask + 1 - z
+        touch.bucket[k, 0] = touch.bucket[k - 1, 0]
+    touch.bucket[first, 0] = base
+
+
+@ti.func
+def sort_edges(touch: ti.template(), q, per_cell):
+    """The same of edges, by their middles."""
+    first, mask = touch.order[q, f.BUCKET], touch.order[q, f.MASK]
+    base = touch.order[q, f.EDGE]
+    for k in range(mask + 2):
+        touch.bucket[first + k, 1] = 0
+    for e in range(base, touch.order[q, f.EDGE_END]):
+        if touch.trait[touch.body[touch.edge[e, 0]], f.NEAR]:
+            middle = 0.5 * (spot(touch, touch.edge[e, 0]) + spot(touch, touch.edge[e, 1]))
+            c = ti.floor(middle * per_cell, ti.i32)
+            k = first + hashed(c, mask)
+            touch.edge_cell[e] = ti.Vector([c[0], c[1], c[2], k])
+            touch.bucket[k + 1, 1] = touch.bucket[k + 1, 1] + 1
+    touch.bucket[first, 1] = base
+    for k in range(first, first + mask + 1):
+        touch.bucket[k + 1, 1] = touch.bucket[k, 1] + touch.bucket[k + 1, 1]
+    for e in range(base, touch.order[q, f.EDGE_END]):
+        if touch.trait[touch.body[touch.edge[e, 0]], f.NEAR]:
+            k = touch.edge_cell[e][3]
+            touch.edge_sorted[touch.bucket[k, 1]] = e
+            touch.bucket[k, 1] = touch.bucket[k, 1] + 1
+    for z in range(mask + 1):
+        k = first + mask + 1 - z
+        touch.bucket[k, 1] = touch.bucket[k - 1, 1]
+    touch.bucket[first, 1] = base
+
+
+@ti.func
+def may_touch(touch: ti.template(), q, b, c):
+    """Whether two bodies may."""
+    low, high = touch.order[q, f.BODY], touch.order[q, f.BODY_END]
+    return touch.may[touch.order[q, f.COUPLE] + (b - low) * (high - low) + c - low]
+
+
+@ti.func
+def keep(touch: ti.template(), n, begun, ends, item, d):
+    """Put a pair into row n, sorted among those from `begun` on by point, or second edge."""
+    z = n
+    while z > begun and is_later(touch, z - 1, ends, item):
+        for k in range(4):
+            touch.ends[z, k] = touch.ends[z - 1, k]
+        for k in range(2):
+            touch.item[z, k] = touch.item[z - 1, k]
+        touch.distance[z] = touch.distance[z - 1]
+        z -= 1
+    for k in ti.static(range(4)):
+        touch.ends[z, k] = ends[k]
+    for k in ti.static(range(2)):
+        touch.item[z, k] = item[k]
+    touch.distance[z] = d
+
+
+@ti.func
+def is_later(touch: ti.template(), z, ends, item):
+    """Whether the pair in row z, of the same triangle or first edge, comes after another one."""
+    return touch.item[z, 1] > item[1] or (item[1] < 0 and touch.ends[z, 0] > ends[0])
+
+
+@ti.func
+def is_there(cell: ti.template(), k, at):
+    """Whether what is sorted in k stands in the cell `at`, not in one with the same bucket."""
+    return cell[k][0] == at[0] and cell[k][1] == at[1] and cell[k][2] == at[2]
+
+
+@ti.func
+def pair_faces(touch: ti.template(), q, i, at, n, begun, stop):
+    """List triangle i's pairs with the points in a cell from row n on; returns the next row."""
+    ids = ti.Vector([touch.triangle[i, 0], touch.triangle[i, 1], touch.triangle[i, 2]])
+    body = touch.body[ids[0]]
+    reach = ti.cast(touch.length[q, f.REACH], touch.real)
+    k = touch.order[q, f.BUCKET] + hashed(at, touch.order[q, f.MASK])
+    begin, end = touch.bucket[k, 0], touch.bucket[k + 1, 0]
+    if end > begin and touch.only[k] == body and touch.trait[body, f.SELF] == 0:
+        end = begin
+    for z in range(begin, end):
+        p = touch.sorted[z]
+        ok = is_there(touch.cell, p, at) and may_touch(touch, q, body, touch.body[p])
+        if ok and p != ids[0] and p != ids[1] and p != ids[2]:
+            a, b, c = spot(touch, ids[0]), spot(touch, ids[1]), spot(touch, ids[2])
+            x = spot(touch, p)
+            if (x >= ti.min(a, b, c) - reach).all() and (x <= ti.max(a, b, c) + reach).all():
+                w = on_triangle(x, a, b, c)
+                d = (x - w[0] * a - w[1] * b - w[2] * c).norm()
+                if d < reach:
+                    if n < stop:
+                        ends = ti.Vector([p, ids[0], ids[1], ids[2]])
+                        keep(touch, n, begun, ends, ti.Vector([i, -1]), d)
+                        n += 1
+                    else:
+                        touch.order[q, f.FULL] = 1
+    return n
+
+
+@ti.func
+def pair_edges(touch: ti.template(), q, i, at, n, begun, stop):
+    """List the pairs of edge i with later edges in a cell from row n on; returns the next row."""
+    a, b = touch.edge[i, 0], touch.edge[i, 1]
+    reach = ti.cast(touch.length[q, f.REACH], touch.real)
+    k = touch.order[q, f.BUCKET] + hashed(at, touch.order[q, f.MASK])
+    for z in range(touch.bucket[k, 1], touch.bucket[k + 1, 1]):
+        e = touch.edge_sorted[z]
+        c, d = touch.edge[e, 0], touch.edge[e, 1]
+        ok = e > i and is_there(touch.edge_cell, e, at) and a != c and a != d and b != c and b != d
+        if ok and may_touch(touch, q, touch.body[a], touch.body[c]):
+            far = between_edges(spot(touch, a), spot(touch, b), spot(touch, c), spot(touch, d))
+            if far < reach:
+                if n < stop:
+                    keep(touch, n, begun, ti.Vector([a, b, c, d]), ti.Vector([i, e]), far)
+                    n += 1
+                else:
+                    touch.order[q, f.FULL] = 1
+    return n
+
+
+@ti.func
+def find(touch: ti.template(), q, t, threads, per_cell):
+    """Thread t's pairs: of points and triangles (kind 0), then of edges (1)."""
+    own = touch.order[q, f.THREAD] + t
+    base, room = touch.order[q, f.PAIR], touch.order[q, f.FACE_ROOM]
+    low, high = touch.order[q, f.TRIANGLE], touch.order[q, f.TRIANGLE_END]
+    wider = ti.cast(touch.length[q, f.REACH], touch.real)
+    for kind in range(2):
+        n, stop = base + share(0, room, t, threads), base + share(0, room, t + 1, threads)
+        touch.segment[own, 2 * kind] = n
+        for i in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
+            p, r = 0, 0
+            if kind == 0:
+                p, r = touch.triangle[i, 0], touch.triangle[i, 2]
+            else:
+                p, r = touch.edge[i, 0], touch.edge[i, 1]
+            body = touch.body[p]
+            if touch.trait[body, f.NEAR]:
+                lo, hi = (
+                    ti.min(spot(touch, p), spot(touch, r)),
+                    ti.max(spot(touch, p), spot(touch, r)),
+                )
+                if kind == 0:
+                    b = spot(touch, touch.triangle[i, 1])
+                    lo, hi = ti.min(lo, b), ti.max(hi, b)
+                if is_crowded(touch, q, body, lo, hi):
+                    begun = n
+                    low_cell = ti.floor((lo - wider) * per_cell, ti.i32)
+                    size = ti.floor((hi + wider) * per_cell, ti.i32) - low_cell + 1
+                    for cell in range(size[0] * size[1] * size[2]):
+                        x, y = cell % size[0], cell // size[0] % size[1]
+                        at = low_cell + ti.Vector([x, y, cell // (size[0] * size[1])])
+                        if kind == 0:
+                            n = pair_faces(touch, q, i, at, n, begun, stop)
+                        else:
+                            n = pair_edges(touch, q, i, at, n, begun, stop)
+        touch.segment[own, 2 * kind + 1] = n
+        base, room = base + room, touch.order[q, f.EDGE_ROOM]
+        low, high = touch.order[q, f.EDGE], touch.order[q, f.EDGE_END]
+        wider += 0.5 * ti.cast(touch.length[q, f.LONGEST], touch.real)
+
+
+@ti.func
+def fill_slots(touch: ti.template(), q, threads):
+    """The pairs and corners that each point is, in the order of the pairs; returns how many."""
+    low, high = touch.order[q, f.POINT], touch.order[q, f.POINT_END]
+    thread = touch.order[q, f.THREAD]
+    for p in range(low, high + 1):
+        touch.slot_start[p] = 0
+    count = 0
+    for kind in range(2):
+        for t in range(thread, thread + threads):
+            for z in range(touch.segment[t, 2 * kind], touch.segment[t, 2 * kind + 1]):
+                count += 1
+                touch.side[z] = 0
+                touch.near[z] = 0
+                for k in range(4):
+                    p = touch.ends[z, k] + 1
+                    touch.slot_start[p] = touch.slot_start[p] + 1
+    touch.slot_start[low] = 4 * touch.order[q, f.PAIR]
+    for p in range(low, high):
+        touch.slot_start[p + 1] = touch.slot_start[p] + touch.slot_start[p + 1]
+    for kind in range(2):
+        for t in range(thread, thread + threads):
+            for z in range(touch.segment[t, 2 * kind], touch.segment[t, 2 * kind + 1]):
+                for k in range(4):
+                    p = touch.ends[z, k]
+                    place = touch.slot_start[p]
+                    touch.slot[place >> 2, place & 3] = 4 * z + k
+                    touch.slot_start[p] = place + 1
+    for z in range(high - low):
+        p = high - z
+        touch.slot_start[p] = touch.slot_start[p - 1]
+    touch.slot_start[low] = 4 * touch.order[q, f.PAIR]
+    return count
+
+
+@ti.func
+def search(s: ti.template(), touch: ti.template(), scene, q, t, threads, phase, now):
+    """List the candidates anew; returns the phase that it has come to."""
+    measure(touch, q, t, threads)
+    phase += 1
+    meet(s, scene, phase, threads)
+    fast = ti.cast(0.0, touch.real)
+    for k in range(threads):
+        fast = ti.max(fast, touch.most[touch.order[q, f.THREAD] + k, f.FAST])
+    least, most = touch.length[q, f.LEAST], touch.length[q, f.MOST]
+    margin = AHEAD * now.h * ti.sqrt(fast)
+    margin = ti.min(ti.max(margin, ti.cast(least, touch.real)), ti.cast(most, touch.real))
+    thick = ti.cast(touch.length[q, f.THICK], touch.real)
+    again = 1
+    while again:
+        reach = thick + margin
+        per_cell = 1.0 / (0.5 * ti.cast(touch.length[q, f.LONGEST], touch.real) + reach)
+        if t == 0:
+            touch.order[q, f.FULL] = 0
+            touch.length[q, f.REACH], touch.length[q, f.MARGIN] = reach, margin
+            touch.order[q, f.COUNT] = neighbours(touch, q, reach, margin)
+            if touch.order[q, f.COUNT] > 0:
+                sort_points(touch, q, per_cell)
+                sort_edges(touch, q, per_cell)
+        phase += 1
+        meet(s, scene, phase, threads)
+        is_near = touch.order[q, f.COUNT] > 0
+        if is_near:
+            find(touch, q, t, threads, per_cell)
+        phase += 1
+        meet(s, scene, phase, threads)
+        again = 0
+        if touch.order[q, f.FULL] and margin > 0.02 * thick:
+            again = 1
+            margin *= 0.5
+        if t == 0 and again == 0:
+            if is_near:
+                touch.order[q, f.COUNT] = fill_slots(touch, q, threads)
+            touch.order[q, f.BUILT] = threads
+            touch.order[q, f.BUILDS] = touch.order[q, f.BUILDS] + 1
+        phase += 1
+        meet(s, scene, phase, threads)
+    return phase

@@ -1,0 +1,116 @@
+# mypy: ignore-errors
+"""Impulses of contact: Jacobi sweeps with masses split by weight, from zero in every substep.
+
+    P = Σ_k |w_k| S_k/m_k,   S_i = Σ_rows |w_i|
+    λ ← max(λ + (target − n·Jv)/P, 0),   λ_t ← λ_t − (Jv)_t/P, no longer than μ λ
+    v_i = v_i* + Σ_rows w_i (λ n + λ_t)/m_i
+
+P bounds the sums of the rows of A = J M⁻¹ Jᵀ, so that a sweep never gains energy where gaps close,
+whatever the step; impulses are equal and opposite by construction.  Splitting the mass of a node
+between contacts: Tonge, Benevolenski and Voroshilov (2012), there by count.  Each thread has its
+own pairs and points, and sums have one order: no atomics on data, the same bits.
+"""
+
+import taichi as ti
+
+from tisoft.model.threads import meet, share
+from tisoft.touch import fields as f
+
+LEAST_SWEEPS, MOST_SWEEPS = 4, 16
+
+
+@ti.func
+def weigh(touch: ti.template(), q, t, threads):
+    """S of thread t's points, which it lists; returns how many."""
+    low, high = touch.order[q, f.POINT], touch.order[q, f.POINT_END]
+    begin = share(low, high, t, threads)
+    n = 0
+    for p in range(begin, share(low, high, t + 1, threads)):
+        touch.weight[p] = 0.0
+        if touch.met[p]:
+            total = 0.0 * touch.weight[p]
+            for k in range(touch.slot_start[p], touch.slot_start[p + 1]):
+                z = touch.slot[k >> 2, k & 3]
+                if touch.near[z >> 2]:
+                    total += ti.abs(touch.share[z >> 2, z & 3])
+            touch.weight[p] = total
+            touch.touched[begin + n] = p
+            n += 1
+    return n
+
+
+@ti.func
+def push(touch: ti.template(), z):
+    """One sweep of row z; returns how far it was from its target [m/s]."""
+    n = touch.normal[z]
+    rate, inverse = 0.0 * n, 0.0 * n[0]
+    for k in range(4):
+        p, w = touch.ends[z, k], touch.share[z, k]
+        rate += w * touch.velocity[p]
+        inverse += ti.abs(w) * touch.weight[p] * touch.inverse_mass[p]
+    along = rate.dot(n)
+    short = 0.0 * along
+    if inverse > 0.0:
+        short = touch.target[z] - along
+        impulse = ti.max(touch.impulse[z] + short / inverse, 0.0 * short)
+        touch.impulse[z] = impulse
+        a, d = touch.body[touch.ends[z, 0]], touch.body[touch.ends[z, 3]]
+        most = 0.5 * (touch.number[a, f.FRICTION] + touch.number[d, f.FRICTION]) * impulse
+        grip = touch.grip[z] - (rate - along * n) / inverse
+        size = grip.norm()
+        if size > most:
+            grip *= most / size
+        touch.grip[z] = grip
+    return short
+
+
+@ti.func
+def gather(touch: ti.template(), p):
+    """Impulses of all rows on point p, and its velocity."""
+    pushed, rubbed = 0.0 * touch.velocity[p], 0.0 * touch.velocity[p]
+    for k in range(touch.slot_start[p], touch.slot_start[p + 1]):
+        c = touch.slot[k >> 2, k & 3]
+        z = c >> 2
+        if touch.near[z]:
+            w = touch.share[z, c & 3]
+            pushed += w * touch.impulse[z] * touch.normal[z]
+            rubbed += w * touch.grip[z]
+    touch.pushed[p], touch.rubbed[p] = pushed, rubbed
+    jump = (pushed + rubbed) * touch.inverse_mass[p]
+    for d in ti.static(range(3)):
+        if touch.held[p] & (1 << d):
+            jump[d] = 0.0
+    touch.velocity[p] = touch.kicked[p] + jump
+
+
+@ti.func
+def sweep(s: ti.template(), touch: ti.template(), scene, q, t, threads, phase, now):
+    """Solve for the impulses of all rows; returns the phase that it has come to."""
+    count = weigh(touch, q, t, threads)
+    thread = touch.order[q, f.THREAD]
+    begin = share(touch.order[q, f.POINT], touch.order[q, f.POINT_END], t, threads)
+    phase += 1
+    meet(s, scene, phase, threads)
+    tolerance = ti.cast(touch.length[q, f.TOLERANCE], touch.real) / now.h
+    number = 0
+    while number < MOST_SWEEPS:
+        worst = 0.0 * tolerance
+        for kind in range(2):
+            first = touch.segment[thread + t, 2 * kind]
+            for k in range(first, first + touch.segment[thread + t, f.FACES_NEAR + kind]):
+                worst = ti.max(worst, push(touch, touch.active[k]))
+        touch.most[thread + t, f.WORST] = worst
+        phase += 1
+        meet(s, scene, phase, threads)
+        for k in range(threads):
+            worst = ti.max(worst, touch.most[thread + k, f.WORST])
+        for k in range(begin, begin + count):
+            gather(touch, touch.touched[k])
+        phase += 1
+        meet(s, scene, phase, threads)
+        number += 1
+        if t == 0:
+            touch.order[q, f.SWEEPS] = touch.order[q, f.SWEEPS] + 1
+        if number >= LEAST_SWEEPS and worst < tolerance:
+            number = MOST_SWEEPS
+    return phase
