@@ -20,7 +20,7 @@ COMMANDS = (
 
 DESCRIPTION = "Soft bodies in Taichi that know how far they can be trusted."
 EPILOG = """start with:
-  tisoft demo                      a film of a jelly elephant, in this folder
+  tisoft demo                      a film of a jelly bear, in this folder
   tisoft demo --list               more demos
   tisoft check SCENE.toml          what a scene needs, before it runs
 

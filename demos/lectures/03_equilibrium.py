@@ -9,6 +9,7 @@ import page
 from scipy.optimize import brentq
 
 import tisoft as ts
+from tisoft.equilibrium.statics import equilibrium
 
 LINKS, LENGTH, SPAN, MASS = 40, 1.5, 1.0, 2.0
 
@@ -28,7 +29,7 @@ def chain() -> ts.Scene:
 
 page.begin(__doc__)
 scene = chain()
-found = ts.Simulation(scene).equilibrium()
+found = equilibrium(scene)
 a = brentq(lambda a: 2 * a * np.sinh(SPAN / (2 * a)) - LENGTH, 0.1, 10.0)
 weight = MASS * 9.81
 page.check("largest force out of balance [N]", 0, found.residual, within=1e-6)

@@ -9,6 +9,7 @@ import numpy as np
 import page
 
 import tisoft as ts
+from tisoft.equilibrium.statics import equilibrium
 from tisoft.where import plane
 
 YOUNG, SPRINGS = 1e6, ts.MassSpring(young=1e6, density=1000.0)
@@ -21,7 +22,7 @@ def pulled(n: int) -> tuple[float, float]:
     for axis, normal in zip("xyz", np.eye(3), strict=True):
         cube.pin(plane((0, 0, 0), normal), axis)
     cube.pin(plane((1, 0, 0), (-1, 0, 0)), "x", velocity=(1e-3, 0, 0))
-    found = ts.Simulation(scene).equilibrium()
+    found = equilibrium(scene)
     sides = found.positions[cube.nodes(plane((0, 1, 0), (0, -1, 0))), 1]
     return found.reactions[:, 0].clip(0).sum() / 1e-3, (1 - sides.mean()) / 1e-3
 

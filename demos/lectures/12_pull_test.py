@@ -8,6 +8,7 @@ import numpy as np
 import page
 
 import tisoft as ts
+from tisoft.equilibrium.statics import equilibrium
 
 YOUNG, POISSON, MODEL = 1e5, 0.3, ts.ViscoElastic(1e5, 0.3, 1000.0)
 
@@ -19,9 +20,8 @@ def pull(stretch: float) -> tuple[float, float]:
     for axis, normal in zip("xyz", np.eye(3), strict=True):
         bar.pin(ts.where.plane((0, 0, 0), normal), axis)
     bar.pin(ts.where.plane((1, 0, 0), (-1, 0, 0)), "x", velocity=(stretch - 1, 0, 0))
-    at_rest = ts.Simulation(scene).equilibrium()
-    x, pins = at_rest.positions, at_rest.reactions
-    return pins[x[:, 0] > 0.1, 0].sum() / 0.25, x[:, 1].max()
+    end = equilibrium(scene)
+    return end.reactions[end.positions[:, 0] > 0.1, 0].sum() / 0.25, end.positions[:, 1].max()
 
 
 page.begin(__doc__)

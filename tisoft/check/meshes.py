@@ -35,7 +35,7 @@ def mesh_warnings(scene: Scene) -> list[str]:
 def _of_body(body: Body) -> Iterator[str]:
     mesh = body.mesh
     for told in mesh.warnings:
-        yield f"is not just as its file has it: {told}"
+        yield f"was changed as it was read: {told}"
     if isinstance(mesh, TetMesh):
         yield from _of_joints(mesh, mesh.joints)
         yield from _of_regions(body)
