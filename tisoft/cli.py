@@ -15,13 +15,14 @@ from tisoft import stops
 from tisoft.errors import TisoftError
 
 COMMANDS = (
-    "demo", "run", "render", "check", "bench", "static", "modes", "stability", "sweep"
+    "demo", "run", "render", "check", "bench", "view", "static", "modes", "stability", "sweep"
 )  # fmt: skip
 
 DESCRIPTION = "Soft bodies in Taichi that know how far they can be trusted."
 EPILOG = """start with:
   tisoft demo                      a film of a jelly bear, in this folder
   tisoft demo --list               more demos
+  tisoft view                      take it in your hand, in the browser
   tisoft check SCENE.toml          what a scene needs, before it runs
 
 exit codes: 0 done, 2 something to mend in the input or on this machine,

@@ -1,0 +1,253 @@
+"""The viewer without a browser: picking, the hand, pacing, orders, and a real socket."""
+
+import asyncio
+import json
+import struct
+import urllib.error
+import urllib.request
+
+import numpy as np
+import pytest
+from websockets.asyncio.client import connect
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+import tisoft as ts
+from tisoft.viewer.controller import Controller
+from tisoft.viewer.orders import BadOrder, checked
+from tisoft.viewer.picking import patch, pick
+from tisoft.viewer.server import FILES, Server
+
+
+class Clock:
+    """A clock that moves by what is slept, and by `cost` at each reading."""
+
+    def __init__(self):
+        self.now, self.cost, self.slept = 0.0, 0.0, 0.0
+
+    def __call__(self):
+        self.now += self.cost
+        return self.now
+
+    def wait(self, seconds):
+        self.now += seconds
+        self.slept += seconds
+
+
+class Hand:
+    def __init__(self, body, nodes, weights, point):
+        self.body, self.nodes, self.weights, self.target = body, nodes, weights, point
+        self.force, self.released = np.zeros(3), False
+
+    def release(self):
+        self.released = True
+
+
+def beam():
+    scene = ts.Scene()
+    body = scene.add_body(ts.box((0.4, 0.1, 0.1), (4, 1, 1)), ts.ViscoElastic(2e4, 0.3, 1000.0))
+    body.pin(ts.where.box((-1, -1, -1), (0.001, 1, 1)))
+    return scene
+
+
+@pytest.fixture
+def control():
+    clock = Clock()
+    made = Controller(beam(), clock=clock, wait=clock.wait, color="speed")
+    made.sim.grab = Hand
+    return made
+
+
+def order(control, viewer=1, **words):
+    control.post(checked(words), viewer)
+
+
+def test_a_ray_finds_the_nearest_triangle_and_a_patch_carries_the_point():
+    rng = np.random.default_rng(0)
+    mesh = ts.box((0.4, 0.1, 0.1), (4, 1, 1))
+    towards = np.array([0.17, 0.06, 0.1])
+    eye = np.array([0.3, 0.4, 2.0])
+    ray = (towards - eye) / np.linalg.norm(towards - eye)
+    far, triangle, weights = pick(eye, ray, mesh.points, mesh.surface)
+    point = weights @ mesh.points[mesh.surface[triangle]]
+    assert np.allclose(point, towards) and np.isclose(far, np.linalg.norm(towards - eye))
+    assert pick(eye, -ray, mesh.points, mesh.surface) is None
+    rows, shares = patch(mesh.points, point)
+    affine, shift = rng.normal(size=(3, 3)), rng.normal(size=3)
+    moved = mesh.points @ affine.T + shift
+    assert np.isclose(shares.sum(), 1.0)
+    assert np.allclose(shares @ moved[rows], affine @ point + shift)
+
+
+def test_the_hand_follows_drops_and_refuses(control):
+    shown = control.drawn.bodies[0]
+    rows = shown.triangles[0].tolist()
+    point = shown.rest_point(np.array(rows), np.array([0.2, 0.3, 0.5]))
+    order(control, do="grab", rows=rows, weights=[0.2, 0.3, 0.5], point=[*point], number=3)
+    control.tick()
+    hand = control.hands[1]
+    mesh = control.scene.bodies[0].mesh
+    assert hand.body is control.scene.bodies[0]
+    assert np.allclose(hand.weights @ mesh.points[hand.nodes], point)
+    order(control, do="drag", point=[1.0, 2.0, 3.0], number=4)
+    order(control, viewer=2, do="drag", point=[9.0, 9.0, 9.0], number=5)  # holds nothing
+    control.tick()
+    assert hand.target == [1.0, 2.0, 3.0] and control.drag == 4
+    order(control, do="drop")
+    control.tick()
+    assert hand.released and not control.hands
+    order(control, do="grab", rows=[10**6], weights=[1.0], point=[0, 0, 0], number=6)
+    control.tick()
+    assert "hand" in control.error and not control.hands
+
+
+def test_real_time_is_kept_debt_is_dropped_and_a_pause_stops(control):
+    clock = control.clock
+    while clock.now < 1.0:
+        control.tick()
+    assert abs(control.sim.time - 1.0) < 0.05 and control.dropped == 0.0
+    assert control.real_time_factor() == pytest.approx(1.0, rel=0.02)
+    clock.cost = 0.1  # each reading of the clock now costs more than a frame lasts
+    before = control.sim.frame
+    for _ in range(10):
+        control.tick()
+    assert control.sim.frame - before == 10 and control.dropped > 0.5
+    clock.cost = 0.0
+    order(control, do="pause", on=True)
+    control.tick()
+    still = control.sim.frame
+    for _ in range(5):
+        control.tick()
+    assert control.sim.frame == still
+    order(control, do="step")
+    control.tick()
+    control.tick()
+    assert control.sim.frame == still + 1
+
+
+def test_panel_orders_change_the_scene_and_reset_begins_anew(control):
+    order(control, do="material", body=0, name="young", value=5e4)
+    order(control, do="gravity", value=3.0)
+    order(control, do="color", name="strain")
+    order(control, do="speed", value=0.5)
+    control.tick()
+    assert control.scene.bodies[0].model.young == 5e4 and control.scene.gravity == (0, -3, 0)
+    assert control.snapshot.color == "strain" and control.speed == 0.5 and not control.error
+    order(control, do="material", body=0, name="poisson", value=0.7)
+    control.tick()
+    assert "poisson" in control.error and control.scene.bodies[0].model.poisson == 0.3
+    order(control, do="reset")
+    control.tick()
+    assert control.sim.frame <= 1 and control.scene.bodies[0].model.young == 5e4
+
+
+def test_a_failure_is_a_sentence_and_the_last_good_state_stays(control):
+    order(control, do="material", body=0, name="young", value=5e4)
+    control.tick()
+
+    def fail():
+        raise ts.Diverged("the bodies left the world")
+
+    control.sim.step, control.clock.now = fail, control.clock.now + 1.0
+    control.tick()
+    assert control.paused and "young" in control.error and "reset" in control.error
+    assert np.isfinite(control.snapshot.positions).all()
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        None, [], {}, {"do": "__init__"}, {"do": "drop", "more": 1}, {"do": "speed"},
+        {"do": "speed", "value": float("nan")}, {"do": "speed", "value": "1"},
+        {"do": "pause", "on": 1}, {"do": "color", "name": "red"}, {"do": "gravity", "value": 1e9},
+        {"do": "material", "body": 0, "name": "density", "value": 1.0},
+        {"do": "grab", "rows": [0] * 4, "weights": [0.25] * 4, "point": [0, 0, 0], "number": 1},
+        {"do": "grab", "rows": [-1], "weights": [1.0], "point": [0, 0, 0], "number": 1},
+        {"do": "grab", "rows": [0, 1], "weights": [1.0], "point": [0, 0, 0], "number": 1},
+        {"do": "grab", "rows": [0], "weights": [0.5], "point": [0, 0, 0], "number": 1},
+    ],
+)  # fmt: skip
+def test_what_no_page_sends_is_refused(message):
+    with pytest.raises(BadOrder):
+        checked(message)
+
+
+@pytest.fixture
+def served(control):
+    server = Server(control, port=0)
+    yield server
+    server.close()
+
+
+def get(url):
+    try:
+        with urllib.request.urlopen(url, timeout=5) as answer:
+            return answer.status, answer.read()
+    except urllib.error.HTTPError as error:
+        return error.code, b""
+
+
+def test_only_the_page_is_served_and_only_with_its_key(served):
+    base = f"http://127.0.0.1:{served.port}"
+    assert get(served.url)[0] == 200
+    assert get(base + "/")[0] == 403 and get(base + "/?key=x")[0] == 403
+    assert b"three" in get(base + "/page.js")[1]
+    for path in ("/page.html", "/../server.py", "/%2e%2e/server.py", "/three.LICENSE"):
+        assert get(base + path)[0] == 404
+    assert len(FILES) == 3
+    with pytest.raises(ts.SceneError, match=r"is taken; \d+ is free"):
+        Server(served.control, port=served.port)
+
+
+def test_a_socket_gets_two_pictures_and_waits_for_its_page(served, control):
+    address = served.url.replace("http", "ws")
+    shots = {control.snapshot.number: control.snapshot}
+    control.listeners.append(lambda: shots.update({control.snapshot.number: control.snapshot}))
+
+    async def talk():
+        for wrong in (address[:-3], address.split("?")[0]):
+            with pytest.raises(InvalidStatus):
+                await connect(wrong)
+        with pytest.raises(InvalidStatus):
+            await connect(address, origin="http://evil.example")
+        own = f"http://127.0.0.1:{served.port}"
+        async with connect(address, origin=own) as ws:
+            hello = json.loads(await ws.recv())
+            pictures = []
+
+            async def listen(seconds):
+                try:
+                    while True:
+                        got = await asyncio.wait_for(ws.recv(), seconds)
+                        if isinstance(got, bytes):
+                            pictures.append(got)
+                except TimeoutError:
+                    return
+
+            for _ in range(20):
+                control.clock.now += 0.02
+                control.tick()
+                await listen(0.02)
+            assert len(pictures) == 2, "a page that does not draw is sent two pictures"
+            number, _, _, _, color = struct.unpack("<IIffI", pictures[-1][:20])
+            rows = hello["rows"]
+            assert len(pictures[-1]) == 20 + 13 * rows and hello["colors"][color] == "speed"
+            x = np.frombuffer(pictures[-1][20 : 20 + 12 * rows], "<f4").reshape(rows, 3)
+            assert np.array_equal(x, shots[number].positions)
+            await ws.send(json.dumps({"ack": number}))
+            await ws.send(json.dumps({"do": "pause", "on": True}))
+            await listen(0.1)
+            control.tick()
+            await listen(0.1)
+            assert control.paused and len(pictures) > 2
+        for bad in ("x", "[1]", '{"do": "exit"}', '{"ack": 99999}', "{" * 3000, b"\x00\x01"):
+            async with connect(address, origin=own) as ws:
+                await ws.send(bad)
+                with pytest.raises(ConnectionClosed) as closed:
+                    while True:
+                        await asyncio.wait_for(ws.recv(), 5)
+                assert closed.value.rcvd.code == 1008 and closed.value.rcvd.reason
+
+    asyncio.run(talk())
+    order(control, do="step")
+    control.tick()
+    assert not control.error

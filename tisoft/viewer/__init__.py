@@ -1,0 +1,1 @@
+"""Interactive viewers: a running scene in a page, with a body in the hand."""
