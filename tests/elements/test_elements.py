@@ -20,6 +20,7 @@ from tisoft.geometry.cage.lattice import Lattice
 from tisoft.geometry.shapes import box
 from tisoft.geometry.solid import SolidMesh, quadratic
 from tisoft.model.part import parts_of
+from tisoft.stable.sharp import sharp_step
 
 LAWS = {"viscoelastic": ts.ViscoElastic, "linear": ts.Linear, "neo-hookean": ts.NeoHookean}
 CORNERS = np.array([[c & 1, c >> 1 & 1, c >> 2] for c in (0, 1, 3, 2, 4, 5, 7, 6)], float)
@@ -167,6 +168,23 @@ def beam(mesh, poisson=0.3, gravity=0.0):
 
 
 END = ts.where.box((1 - 1e-6, -1, -1), (1 + 1e-6, 1, 1))
+
+
+@pytest.mark.parametrize("kind", ["hex8", "tet10"])
+def test_bound_on_the_step_holds_as_the_beam_deforms(kind):
+    mesh = box((1, 0.2, 0.2), (2, 1, 1), split="hex") if kind == "hex8" else None
+    mesh = mesh or quadratic(box((1, 0.2, 0.2), (2, 1, 1)))
+    scene = ts.Scene(gravity=(0, 0, 0), precision="f64")
+    scene.add_body(mesh, ts.ViscoElastic(1e6, 0.3, 1000.0, phi=30.0, eta=20.0))
+    sim = ts.Simulation(scene)
+    X = mesh.points
+    for bend in (0.0, 0.8):
+        u = 0.01 * bend * np.random.default_rng(1).normal(size=X.shape)
+        u[:, 0] += bend * X[:, 0] * (X[:, 2] - 0.1)
+        u[:, 2] -= bend * X[:, 0] ** 2
+        sim.set_state(X + u, np.zeros_like(X))
+        sharp = sharp_step(sim.system, integrator="symplectic-euler", u=sim.system.u)
+        assert 0.3 * sharp < sim.limit.present() <= sharp
 
 
 def compliance_error(mesh, poisson, reference):

@@ -186,7 +186,7 @@ def _sentence(subject: Subject, own: Own) -> str:
         f"Linear FEM and mass-tensors stop being usable where a part turns by {one:.1f}° (false "
         f"strain of 1 %) to {ten:.1f}° (10 %)"
     )
-    if own.seconds and len(subject.body.mesh.tets) and not subject.is_springs:
+    if own.seconds and subject.body.mesh.elements and not subject.is_springs:
         turn = float(np.degrees(own.most_turn))
         verdict = "are no choice for it" if turn > ten else "serve it"
         if one < turn <= ten:

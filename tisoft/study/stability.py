@@ -127,9 +127,8 @@ def summary(study: Study, axes: list[Axis], *, status: str, seconds: float) -> d
 def page(study: Study, axes: list[Axis], *, title: str) -> str:
     """The text of stability.md."""
     body = study.subject.body
-    count = (
-        f"{len(body.mesh.tets)} tets" if len(body.mesh.tets) else f"{len(body.springs())} springs"
-    )
+    cells = body.mesh.elements
+    count = f"{cells} elements" if cells else f"{len(body.springs())} springs"
     lines = [
         f"# Where {title} fails",
         "",
