@@ -1,0 +1,106 @@
+"""The page in a real Chromium, driven as a user would: skipped, with the reason, where none is."""
+
+import threading
+
+import numpy as np
+import pytest
+
+import tisoft as ts
+from tisoft.viewer.controller import Controller
+from tisoft.viewer.server import Server
+
+CHROMIUM = "/usr/bin/chromium"
+FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+WHERE = """held => {
+  const W = tisoft, c = W.camera; c.updateMatrixWorld();
+  const x = [0, 1, 2].map(k => held.rows.reduce((s, j, i) => s + held.weights[i] * W.positions[3 * j + k], 0));
+  const v = c.position.clone().set(...x).project(c);
+  return [(v.x + 1) / 2 * innerWidth, (1 - v.y) / 2 * innerHeight];
+}"""  # noqa: E501
+
+
+@pytest.fixture(scope="module")
+def control():
+    scene = ts.Scene()
+    model = ts.ViscoElastic(2e5, 0.3, 1000.0, phi=20.0, eta=20.0)
+    body = scene.add_body(ts.box((1.0, 0.3, 0.3), (6, 2, 2)), model)
+    body.pin(ts.where.box((-1, -1, -1), (0.001, 1, 1)))
+    return Controller(scene)
+
+
+@pytest.fixture(scope="module")
+def page(control):
+    api = pytest.importorskip("playwright.sync_api", reason="the package playwright is missing")
+    server, end = Server(control, port=0), threading.Event()
+
+    def simulate():
+        while not end.is_set():
+            control.tick()
+
+    thread = threading.Thread(target=simulate)
+    with api.sync_playwright() as driver:
+        try:
+            browser = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        except api.Error as error:
+            server.close()
+            pytest.skip(f"no {CHROMIUM} to drive: {str(error).splitlines()[0]}")
+        thread.start()
+        try:
+            opened = browser.new_page(viewport={"width": 800, "height": 500})
+            opened.asked, opened.wrong = [], []
+            opened.on("request", lambda request: opened.asked.append(request.url))
+            opened.on("pageerror", lambda error: opened.wrong.append(str(error)))
+            opened.goto(f"{server.url}&plain")
+            opened.wait_for_function("window.tisoft && tisoft.drawn > 3", timeout=60_000)
+            yield opened
+            browser.close()
+        finally:
+            end.set()
+            thread.join()
+            server.close()
+
+
+def until(page, condition):
+    page.wait_for_function(condition, timeout=20_000)
+
+
+def test_the_page_pauses_steps_slides_turns_and_resets(page, control):
+    page.keyboard.press(" ")
+    until(page, "tisoft.status.paused")
+    frame = control.sim.frame
+    page.keyboard.press("ArrowRight")
+    until(page, f"Math.abs(tisoft.time - {(frame + 1) / 60}) < 1e-4")
+    assert control.sim.frame == frame + 1
+    page.fill("#young-0-value", "3e5")
+    page.keyboard.press("Enter")
+    page.select_option("#color", "speed")
+    until(page, "tisoft.status.color == 'speed'")
+    assert control.scene.bodies[0].model.young == 3e5 and control.color == "speed"
+    page.fill("#poisson-0-value", "0.9")
+    page.keyboard.press("Enter")
+    until(page, "!document.getElementById('error').hidden")
+    assert "poisson" in page.inner_text("#error")
+    eye = page.evaluate("tisoft.camera.position.toArray()")
+    page.mouse.move(40, 420)
+    page.mouse.down()
+    page.mouse.move(140, 400, steps=4)
+    page.mouse.up()
+    page.wait_for_timeout(300)
+    assert not np.allclose(eye, page.evaluate("tisoft.camera.position.toArray()"))
+    page.click("#reset")
+    until(page, "tisoft.time == 0")
+    page.click("#pause")
+    until(page, "!tisoft.status.paused && tisoft.time > 0.1")
+
+
+def test_the_page_comes_back_after_a_lost_connection(page):
+    page.evaluate("tisoft.socket.close()")
+    until(page, "!tisoft.connected")
+    until(page, "tisoft.connected")
+    before = page.evaluate("tisoft.received")
+    until(page, f"tisoft.received > {before} + 2")
+
+
+def test_nothing_is_asked_from_the_network_and_nothing_fails(page):
+    assert page.asked and all(url.startswith("http://127.0.0.1:") for url in page.asked)
+    assert not page.wrong
