@@ -79,8 +79,8 @@ class Motion(Present):
         """Whether the limit is to be looked at after so many substeps more: pins that move may
         stretch a body in one.
         """
-        driven = self.holder.is_moving or self.loading.changes
-        return driven or self.since_look + substeps >= self.next_look
+        driven = self.holder.is_moving or self.loading.changes or self.moves_obstacles
+        return driven or self.is_pushing or self.since_look + substeps >= self.next_look
 
     def _looked(self, substeps: int) -> None:
         """Note substeps, and look where that is due."""
@@ -92,6 +92,7 @@ class Motion(Present):
             self.limit.moved()
             self.watch.look(self.time)
             self._recenter()
+            self._stop_pushing()
 
     def make_frame(self) -> None:
         """Advance one frame.
@@ -196,7 +197,8 @@ class Motion(Present):
         """Whether pins and loads are the same from frame to frame."""
         explicit = self.guard is not None and self.scene.integrator == "explicit-euler"
         return not (explicit or self.half_step_lag or self.scene.start == "half-step"
-                    or self.holder.is_moving or self.loading.changes)  # fmt: skip
+                    or self.holder.is_moving or self.loading.changes
+                    or self.moves_obstacles or self.is_pushing)  # fmt: skip
 
     def _frames_until_release(self) -> int:
         releases = [

@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft import runtime
+from tisoft.depth import depth_inside
 from tisoft.equilibrium.damping import damped_body
 from tisoft.model import state as columns
 from tisoft.model.number_range import check_bound, check_range
 from tisoft.model.part import Part
 from tisoft.model.system import System
+from tisoft.moving import STILL, moves
 from tisoft.obstacles import OBSTACLES
 from tisoft.scene import Scene
 from tisoft.stable.guard import Recovery
@@ -24,11 +26,16 @@ from tisoft.step.account import Account
 from tisoft.step.loading import Loading, external_forces
 from tisoft.step.observe import energy_table
 from tisoft.step.pins import Holder
-from tisoft.step.schedule import Acting, Schedule
+from tisoft.step.schedule import Acting, Schedule, obstacle_signal
 from tisoft.step.stepper import Rules, Stepper
 from tisoft.touch.touching import touching_of
 
 Floats = NDArray[np.float64]
+
+PUSH_STEPS = 32
+"""Stable steps, for each node through a body, in which an obstacle pushes it out."""
+OUT = 1e-6
+"""Depth, as a share of a body's size, that contact puts out at once."""
 
 
 class Present:
@@ -61,6 +68,8 @@ class Present:
         """Substeps since the limit was looked at."""
         self.next_look = 1
         """Substeps after which it is to be looked at again."""
+        self.pushes = [STILL] * len(scene.bodies)
+        """Speed [m/s] at which obstacles push each body out; STILL where it is not inside."""
         self.wall_seconds = 0.0
         self._compiled = runtime.compile_seconds
         with np.errstate(all="ignore"):  # what leaves the range of floats is refused by name
@@ -85,6 +94,8 @@ class Present:
         self._compile(ledger)
 
     def _compile(self, ledger: bool) -> None:
+        self._obstacles = tuple(self.scene.obstacles)
+        self._push_out()
         self.place_obstacles()
         self.account = Account(0.0) if ledger else None
         self.holder.begin(0.0, 0.0)
@@ -110,17 +121,27 @@ class Present:
         acting = None
         pins = [pin for part in self.system.parts for pin in part.body.pins]
         # A scene that was driven once stays so: others' kernels would have to be compiled first.
-        if self.schedule.acting or self.loading.changes or any(pin.moves for pin in pins):
+        timed = self.loading.changes or self.moves_obstacles or any(pin.moves for pin in pins)
+        if self.schedule.acting or timed:
             acting = Acting()
             for part, pin in self.holder.moved:
                 acting.add_pin(part, pin)
             if self.loading.changes:
                 self.loading.act(acting)
+            self._act_obstacles(acting)
         self.loading.write()
         self.schedule.set(acting)
         if self.schedule.fields is not self.stepper.structure.inputs:
             self.stepper = self._make_stepper()
             self.stepper.compile()
+
+    def _act_obstacles(self, acting: Acting) -> None:
+        for part in self.system.parts:
+            for o, obstacle in enumerate(self._obstacles):
+                if moves(obstacle):
+                    row = self.system.obstacle_row(part, o)
+                    signal = acting.signal(obstacle_signal(obstacle, part), 13)
+                    acting.moved.append((row, signal))
 
     def _rules(self) -> Rules:
         contact = bool(self.scene.obstacles)
@@ -148,11 +169,53 @@ class Present:
         self._obstacles = tuple(self.scene.obstacles)
         if self._obstacles:
             shapes = list(OBSTACLES.values())
-            self.system.set_obstacles(
-                self._obstacles, [shapes.index(type(o)) for o in self._obstacles]
-            )
+            kinds = [shapes.index(type(o)) for o in self._obstacles]
+            self.system.set_obstacles(self._obstacles, kinds, self.time, self.pushes)
         if self.touching is not None:
             self.touching.place_origins()
+
+    def _push_out(self) -> None:
+        """Let bodies that are inside obstacles be pushed out slowly: at once would be a blow."""
+        world = self.system.world()
+        for k, part in enumerate(self.system.parts):
+            deepest = 0.0 if part.touches else self._deepest(world[part.nodes])
+            if deepest > 0.0:
+                speed = deepest / self._push_time(part)
+                known = self.pushes[k]
+                self.pushes[k] = speed if known == STILL else max(known, speed)
+
+    def _stop_pushing(self) -> None:
+        """Let contact act at once again on bodies that are out."""
+        if not self.is_pushing:
+            return
+        world = self.system.world()
+        for k, part in enumerate(self.system.parts):
+            if self._deepest(world[part.nodes]) <= OUT * part.size:
+                self.pushes[k] = STILL
+        self.place_obstacles()
+
+    def _deepest(self, points: Floats) -> float:
+        depths = [depth_inside(o, points, self.time).max() for o in self.scene.obstacles]
+        return float(max(depths, default=0.0))
+
+    def _push_time(self, part: Part) -> float:
+        """Seconds in which a body is pushed out: in which waves cross it some times."""
+        step = self.scene.step
+        if isinstance(step, str):
+            step = self.limit.rest_bound()
+        if not np.isfinite(step):
+            return 1.0
+        return float(PUSH_STEPS * step * max(2.0, len(part.order) ** (1.0 / 3.0)))
+
+    @property
+    def is_pushing(self) -> bool:
+        """Whether a body is being pushed out of an obstacle."""
+        return any(push < STILL for push in self.pushes)
+
+    @property
+    def moves_obstacles(self) -> bool:
+        """Whether an obstacle moves by itself."""
+        return any(moves(obstacle) for obstacle in self._obstacles)
 
     def take_changes(self) -> bool:
         """Take over what the caller changed since the last frame; returns whether materials or
@@ -173,7 +236,11 @@ class Present:
         if any(a is not b for a, b in zip(self.scene.obstacles, self._obstacles, strict=False)) or (
             len(self.scene.obstacles) != len(self._obstacles)
         ):
+            self._obstacles = tuple(self.scene.obstacles)
+            self._push_out()
             self.place_obstacles()
+            self._set_inputs()
+            others = True
         if self.loading.refresh():
             self._set_inputs()
             self.stepper.loaded = self.loading.loads or self.loading.pressure
@@ -199,8 +266,20 @@ class Present:
     # -- the present state ---------------------------------------------------------------------
 
     def is_driven(self) -> bool:
-        """Whether loads or moved pins do work on the bodies."""
-        return self.holder.is_moving or any(part.body.loads for part in self.system.parts)
+        """Whether loads, moved pins or obstacles do work on the bodies."""
+        loads = any(part.body.loads for part in self.system.parts)
+        return self.holder.is_moving or loads or self.moves_obstacles or self.is_pushing
+
+    def remedies(self) -> str:
+        """What may help a scene that no step carries: of what it contains."""
+        found = ["move pins more slowly"] if self.holder.is_moving else []
+        if any(part.body.loads for part in self.system.parts):
+            found.append("make loads smaller")
+        if self.moves_obstacles:
+            found.append("move obstacles more slowly")
+        if self.is_pushing:
+            found.append("place bodies clear of obstacles")
+        return ", ".join([*found, "make the material stiffer", "or mend the element"])
 
     def acceleration(self) -> Floats:
         """Acceleration of all nodes [m/s²] in the present state, shape (nodes, 3), internal order;

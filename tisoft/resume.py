@@ -13,7 +13,10 @@ from tisoft.errors import SceneError
 from tisoft.motion import Motion
 from tisoft.stable.guard import Recovery
 
-COUNTERS = ("time", "frame", "substeps", "since_look", "next_look", "wall_seconds", "half_step_lag")
+COUNTERS = (
+    "time", "frame", "substeps", "since_look", "next_look", "wall_seconds", "half_step_lag",
+    "pushes",
+)  # fmt: skip
 ARRAYS = ("u", "v", "held", "drive", "load", "pressed")
 """The nodes' state; the last four, of the frame just made, tell reactions and velocities."""
 

@@ -10,6 +10,7 @@ import re
 import tomllib
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from tisoft.geometry.mesh import Mesh, SpringNet
 from tisoft.loads import Load, Torque
 from tisoft.models.materials import MODELS, Model, young_and_poisson
 from tisoft.models.presets import preset
+from tisoft.moving import MOTIONS, check_motion
 from tisoft.obstacles import OBSTACLES, Obstacle
 from tisoft.pins import Pin, Turn
 from tisoft.region_material import RegionMaterial
@@ -168,11 +170,16 @@ def _scene(document: Table, folder: Path) -> Scene:
 
 
 def _obstacle(table: Any, field: str) -> Obstacle:
-    check_keys(table, field, (*OBSTACLES, "friction"))
+    check_keys(table, field, (*OBSTACLES, "friction", *MOTIONS))
     kind = checks.exactly_one(field, {key: table.get(key) for key in OBSTACLES})
     with inside(field):
         friction = checks.number("friction", table.get("friction", 0.0), least=0.0)
-    return make(OBSTACLES[kind], table[kind], joined(field, kind), friction=friction)
+    motion = {key: table.get(key) for key in MOTIONS}
+    if motion["turn"] is not None:
+        motion["turn"] = make(Turn, table["turn"], joined(field, "turn"))
+    with inside(field):
+        check_motion(SimpleNamespace(**motion))
+    return make(OBSTACLES[kind], table[kind], joined(field, kind), friction=friction, **motion)
 
 
 def _add_body(scene: Scene, table: Any, field: str, folder: Path) -> None:

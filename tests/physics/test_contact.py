@@ -213,3 +213,86 @@ def test_node_that_starts_inside_is_put_onto_the_surface():
     sim.step()
     assert sim.positions()[0] == pytest.approx([0, 0, 0], abs=1e-8)
     assert np.abs(sim.velocities()[0]).max() < 1e-6
+
+
+# -- obstacles that move, and starts inside them --------------------------------------------------
+
+
+def _cube(obstacle, *, rate=50, gravity=(0, -10, 0), more=()):
+    scene = ts.Scene(gravity=gravity, frame_rate=rate, precision="f64", obstacles=[obstacle, *more])
+    mesh = ts.box((0.2, 0.2, 0.2), (2, 2, 2))
+    body = scene.add_body(mesh, ts.NeoHookean(1e5, 0.3, 1000.0, damping_ratio=0.2))
+    return scene, body
+
+
+@pytest.mark.parametrize("rate", [10, 200])
+def test_a_belt_drags_by_friction_and_its_work_is_work_from_outside(rate):
+    """v = μ g t while the block slides; the belt gives μ m g w t, and half of it heats at first."""
+    scene, _ = _cube(ts.Plane(friction=0.1, velocity=(2, 0, 0)), rate=rate)
+    sim = ts.Simulation(scene, ledger=True, threads=1)
+    sim.run(1.0)
+    mass = 8.0
+    told = sim.energy()
+    assert sim.measures.momentum()[0] / mass == pytest.approx(1.0, rel=2e-3)
+    assert told["external_work"] == pytest.approx(0.1 * mass * 10 * 2, rel=5e-3)
+    assert told["dissipated"] == pytest.approx(0.1 * mass * 10 * (2 - 0.5), rel=1e-2)
+    assert abs(told["error"]) < 1e-3
+    assert not sim.recoveries
+
+
+def test_a_turned_floor_and_a_lid_that_comes_down_are_followed(tmp_path):
+    """A table that turns takes the block with it; a lid presses it to the height that is left."""
+    turn = ts.Turn((0.1, 0, 0.1), (0, 1, 0), 1.0)
+    lid = ts.Plane((0, 0.21, 0), (0, -1, 0), path=[(0.2, 0, 0, 0), (0.6, 0, -0.02, 0)])
+    scene, body = _cube(ts.Plane(friction=1.0, turn=turn), more=[lid])
+    sim = ts.Simulation(scene, ledger=True, threads=1)
+    sim.run(0.5)
+    sim.save(tmp_path / "a.npz")
+    again = ts.Simulation.load(tmp_path / "a.npz")
+    sim.run(0.5), again.run(0.5)
+    assert np.array_equal(sim.positions(), again.positions())
+    y = sim.positions(body)[:, 1]
+    assert (y.min(), y.max()) == pytest.approx((0.0, 0.19), abs=1e-9)
+    bottom = body.mesh.points[:, 1] < 1e-9
+    arm = sim.positions(body)[bottom] - np.array(turn.point)
+    speeds = sim.velocities(body)[bottom]
+    assert speeds == pytest.approx(np.cross([0, 1.0, 0], arm), abs=2e-3)
+    assert sim.energy()["dissipated"] > 0
+    assert not sim.recoveries
+
+
+def test_a_start_inside_is_pushed_out_gently(tmp_path):
+    depth = 0.02
+    scene, body = _cube(ts.Plane((0, depth, 0), friction=0.5))
+    sim = ts.Simulation(scene, ledger=True, threads=1)
+    sim.run(0.04)
+    assert sim.is_pushing
+    sim.save(tmp_path / "a.npz")
+    again = ts.Simulation.load(tmp_path / "a.npz")
+    sim.run(1.5), again.run(1.5)
+    assert np.array_equal(sim.positions(), again.positions())
+    told, y = sim.energy(), sim.positions(body)[:, 1] - depth
+    free, _ = _cube(ts.Plane(friction=0.5))
+    own = ts.Simulation(free, threads=1)
+    own.run(1.5)
+    assert not sim.recoveries and not sim.is_pushing
+    assert y.min() >= -1e-9
+    assert y.max() == pytest.approx(own.positions()[:, 1].max(), abs=2e-5)
+    assert told["dissipated"] > 0 and abs(told["error"]) < 0.02 * told["external_work"]
+
+
+def test_obstacles_put_elsewhere_between_frames_are_followed():
+    scene, body = _cube(ts.Plane(), gravity=(0, 0, 0), more=[ts.Plane((0, 0.2, 0), (0, -1, 0))])
+    sim = ts.Simulation(scene, ledger=True, threads=1)
+    for frame in sim.frames(1.0):
+        lid = 0.2 - 0.01 * min(1.0, 2 * frame.time)
+        scene.obstacles[1] = ts.Plane((0, lid, 0), (0, -1, 0))
+    y, told = sim.positions(body)[:, 1], sim.energy()
+    assert (y.min(), y.max()) == pytest.approx((0.0, 0.19), abs=1e-6)
+    assert told["external_work"] == pytest.approx(told["elastic"] + told["dissipated"], rel=0.05)
+    assert told["dissipated"] > 0
+    scene.obstacles.append(ts.Sphere((0.1, 0.3, 0.1), 0.05, friction=1.0))
+    sim.step()
+    scene.obstacles.clear()
+    sim.step()
+    assert not sim.recoveries

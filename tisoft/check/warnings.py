@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from tisoft.body import Body
 from tisoft.check.cages import cage_warnings, pin_warnings
 from tisoft.check.meshes import mesh_warnings
+from tisoft.depth import depth_inside
 from tisoft.geometry.mesh import TetMesh
 from tisoft.model.network import triangle_areas
 from tisoft.models.materials import NeoHookean, SolidModel, ViscoElastic
-from tisoft.scene import Box, Obstacle, Plane, Scene, Sphere
+from tisoft.scene import Obstacle, Plane, Scene
 
 Floats = NDArray[np.float64]
 
@@ -78,24 +79,6 @@ def touching(body: Body) -> Floats:
     """Places of what meets obstacles [m]: nodes, or points of the surface that a cage carries."""
     points = body.mesh.points
     return points if body.carried is None else body.carried.skin.carried(points)
-
-
-def depth_inside(obstacle: Obstacle, points: Floats) -> Floats:
-    """How deep points are inside an obstacle [m], shape (n,); negative outside.
-
-    Touching is not inside: rounding is left out.
-    """
-    if isinstance(obstacle, Plane):
-        depth = (np.array(obstacle.point) - points) @ np.array(obstacle.normal)
-    elif isinstance(obstacle, Sphere):
-        depth = obstacle.radius - np.linalg.norm(points - np.array(obstacle.center), axis=1)
-    else:
-        assert isinstance(obstacle, Box)
-        away = np.abs(points - np.array(obstacle.center))
-        depth = (0.5 * np.array(obstacle.size) - away).min(axis=1)
-    size = float(np.ptp(points, axis=0).max()) + float(np.abs(points).max())
-    rounded: Floats = depth - 1e-9 * size
-    return rounded
 
 
 def compression(body: Body, scene: Scene) -> float:

@@ -16,9 +16,9 @@ LOAD, TORQUE, PRESSURE, PATH, TURN = range(5)
 """Kinds of rows: force `along` times a signal; share `along[0]` of torque `target`; pressure row
 `target` of `State` with `along[0]`; components `target` (bits) with three signals of velocity;
 velocity `along` and `across` times two signals."""
-NODES, VALUES, STRIDE, FIRST_TORQUE, LAST_TORQUE, GRAVITY_SIGNAL = range(6)
+NODES, VALUES, STRIDE, FIRST_TORQUE, LAST_TORQUE, FIRST_MOVED, LAST_MOVED = range(7)
 """Columns of `Inputs.scene`: from a node to its row of `start`, first value, values a signal, the
-scene's torques, and the first signal of gravity or −1."""
+scene's torques, and its moved obstacles."""
 
 A = ti.types.ndarray()
 
@@ -38,6 +38,7 @@ class Inputs:
         "values": 65536,
         "turned": 1024,
         "torques": 16,
+        "moved": 16,
         "scenes": 16,
     }
 
@@ -75,7 +76,11 @@ class Inputs:
         """ω of the forces w ω × ρ (`step.loading`) [N/m]."""
         self.turned_node = field(ti.i32, "turned")
         self.turned_share = field(wide, "turned")
-        self.scene = field(ti.i32, "scenes", 6)
+        self.moved_row = field(ti.i32, "moved")
+        """Row of a moved obstacle, one for each body, in `State.obstacle`."""
+        self.moved_signal = field(ti.i32, "moved")
+        """The first of its signals: its numbers but friction and push."""
+        self.scene = field(ti.i32, "scenes", 7)
         self.tree = builder.finalize()
 
     @staticmethod
@@ -120,6 +125,14 @@ class Inputs:
         for k in range(nodes.shape[0]):
             self.turned_node[row + k] = nodes[k]
             self.turned_share[row + k] = shares[k]
+
+    @ti.kernel
+    def write_moved(self, first: int, rows: A, signals: A):
+        """Write the moved obstacles' rows and signals."""
+        ti.loop_config(serialize=self.serial)
+        for k in range(rows.shape[0]):
+            self.moved_row[first + k] = rows[k]
+            self.moved_signal[first + k] = signals[k]
 
     @ti.kernel
     def write_scene(self, scene: int, numbers: A):

@@ -44,8 +44,9 @@ TOUCH_SCENE = 14
 """Column of `State.ranges`: the scene's row of contact's fields."""
 STEP, GRAVITY, MOST_KINETIC, KICK = 0, 1, 4, 5
 """Columns of `State.settings`."""
-OBSTACLE_NUMBERS = 8
-"""Columns of an obstacle's numbers, friction last."""
+OBSTACLE_NUMBERS = 15
+"""Columns of an obstacle's numbers: seven of `distance`, friction, speed of pushing out [m/s], and
+its surface's velocity w₀ + ω × x: w₀ [m/s] and ω [1/s]."""
 PRESSURE_NUMBERS = 7
 
 
@@ -94,6 +95,8 @@ class State:
         """u [m]."""
         self.velocity = field(vec3, "nodes")
         """v [m/s]."""
+        self.carried = field(real, "nodes")
+        """Impulse of contact per mass in the last pass · velocity of what it met [m²/s²]."""
         self.half = field(vec3, "nodes")
         """v(t + h/2) [m/s] of velocity Verlet."""
         self.saved_displacement = field(vec3, "nodes")
@@ -203,6 +206,7 @@ class State:
                 self.load[i][d] = 0.0
                 self.drive[i][d] = 0.0
                 self.pressed[i][d] = 0.0
+            self.carried[i] = 0.0
             self.inverse_mass[i] = inverse_mass[k]
             self.body[i] = body[k]
             self.fixed[i] = 0

@@ -350,8 +350,22 @@ class System:
             self._ordered[field, column] = value
             getattr(self.state, field)[self.scene, column] = value
 
-    def set_obstacles(self, obstacles: Sequence[Any], kinds: Sequence[int]) -> None:
-        """Place obstacles, seen from the bodies' present origins."""
+    def _meeting(self) -> list[Part]:
+        """The bodies in the order of their obstacles' rows."""
+        return sorted(self.parts, key=lambda part: part.touches)
+
+    def obstacle_row(self, part: Part, number: int) -> int:
+        """Row of an obstacle as seen from a body."""
+        assert self.obstacle_lease is not None
+        place = self._meeting().index(part) * self._obstacles + number
+        return int(self.obstacle_lease.starts["obstacles"]) + place
+
+    def set_obstacles(
+        self, obstacles: Sequence[Any], kinds: Sequence[int], time: float, pushes: Sequence[float]
+    ) -> None:
+        """Place obstacles at `time` [s], seen from the bodies' present origins; `pushes`: speed at
+        which each body is pushed out [m/s].
+        """
         count = len(obstacles)
         if self.obstacle_lease is None or self._obstacles != count:
             if self.obstacle_lease is not None:
@@ -360,8 +374,11 @@ class System:
             needs = {"obstacles": count * len(self.parts)}
             self.obstacle_lease = self._keep(Lease(self.lease.arena, needs))
             self.write_bodies()
-        parts = sorted(self.parts, key=lambda part: part.touches)
-        rows = [[*o.numbers(p.origin), o.friction] for p in parts for o in obstacles]
+        rows = [
+            [*o.numbers(part.origin, time)[0], o.friction, pushes[part.index], *np.zeros(6)]
+            for part in self._meeting()
+            for o in obstacles
+        ]
         if self.touch_lease is not None:
             nth = np.cumsum([part.touches for part in self.parts]) - 1
             first = self._obstacle_starts()[-1] + count * nth[self._touching]

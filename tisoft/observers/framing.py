@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from tisoft.moving import moves
 from tisoft.observers.quantities import QUANTITIES
 from tisoft.observers.track import Snapshot, snapshot_of
 from tisoft.render.camera import Camera, auto_camera, turned
@@ -136,7 +137,11 @@ def up_of(scene: Scene) -> Floats:
 
 def ground_of(scene: Scene, up: Floats) -> Plane | None:
     """The plane that is drawn as an endless floor: the most level one that bears bodies."""
-    planes = [p for p in scene.obstacles if isinstance(p, Plane) and up @ np.array(p.normal) > 0.1]
+    planes = [
+        p
+        for p in scene.obstacles
+        if isinstance(p, Plane) and not moves(p) and up @ np.array(p.normal) > 0.1
+    ]
     return max(planes, key=lambda p: float(up @ np.array(p.normal)), default=None)
 
 

@@ -12,6 +12,7 @@ from tisoft.geometry.mesh import TetMesh
 from tisoft.geometry.skin import Skin
 from tisoft.geometry.topology import unique_edges
 from tisoft.models.materials import MassSpring
+from tisoft.moving import moves, pose
 from tisoft.observers.framing import Survey, View, ground_of, room_of, up_of
 from tisoft.observers.quantities import QUANTITIES
 from tisoft.observers.region_colors import first_colors, node_colors, region_of_triangles
@@ -125,12 +126,23 @@ class Scenery:
             alpha=scene.render.alpha,
         )
         self.items = [item for actor in actors for item in actor.items]
+        shown = [obstacle for obstacle in scene.obstacles if obstacle is not plane]
+        count = len(shown)
         self.items += obstacle_items(scene, plane, survey)
+        own = self.items[len(self.items) - count :]
+        self.moving = [
+            (item, obstacle, np.asarray(item.positions, np.float64))
+            for item, obstacle in zip(own, shown, strict=True)
+            if moves(obstacle)
+        ]
 
     def draw(self, snapshot: Snapshot) -> Picture:
         """The picture of a snapshot, shape (height, width, 3 or 4)."""
         for actor in self.actors:
             actor.place(snapshot.positions)
+        for item, obstacle, points in self.moving:
+            turned, way = pose(obstacle, snapshot.time)
+            item.positions = points @ turned[0].T + way[0]
         camera = self.view.at(snapshot)
         quantity, top = QUANTITIES.get(self.look.color), self.survey.top
         if quantity is not None and snapshot.values is not None:

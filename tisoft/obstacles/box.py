@@ -13,29 +13,55 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tisoft import checks
-from tisoft.checks import Vector, keep_number, put
+from tisoft.checks import FieldError, Vector, keep_number, put
+from tisoft.moving import check_motion, pose
+from tisoft.turning import Turn
 
 
 @dataclass(frozen=True)
 class Box:
-    """An obstacle: a box along the axes about `center` [m], `size` [m]; `friction` is Coulomb's.
-    Raises SceneError for numbers that are no box.
+    """An obstacle: a box along the axes.
+
+    Args:
+        center: [m].
+        size: [m].
+        friction: Coulomb's coefficient.
+        velocity: [m/s], from t = 0.
+        path: rows (t, dx, dy, dz): displacement [m] at times [s], linear between rows.
+        turn: none: a box stays along the axes.
+
+    At most one of velocity and path.
+
+    Raises:
+        SceneError: naming the field and its value.
     """
 
     center: Vector
     size: Vector
     friction: float = 0.0
+    velocity: Vector | None = None
+    path: checks.Timeline | None = None
+    turn: Turn | None = None
 
     def __post_init__(self) -> None:
         put(self, "center", checks.vector("center", self.center))
         put(self, "size", checks.vector("size", self.size, above=0.0, unit="m"))
         keep_number(self, "friction", least=0.0)
+        check_motion(self)
+        if self.turn is not None:
+            problem = "cannot turn a box, which stays along the axes; give a velocity or a path"
+            raise FieldError("turn", problem)
 
-    def numbers(self, origin: Any) -> list[float]:
-        """a, b and r of `distance`, seen from a body's origin [m]."""
-        return [*(np.array(self.center) - origin), *(0.5 * np.array(self.size)), 0.0]
+    def numbers(self, origin: Any, times: Any) -> NDArray[np.float64]:
+        """a, b, r of `distance` at times [s], seen from a body's origin [m], shape (times, 7)."""
+        way = pose(self, times)[1]
+        out = np.zeros((len(way), 7))
+        out[:, :3] = np.array(self.center) + way - origin
+        out[:, 3:6] = 0.5 * np.array(self.size)
+        return out
 
     @staticmethod
     def distance(a, b, r, x):  # type: ignore[no-untyped-def]

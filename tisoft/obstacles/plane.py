@@ -12,9 +12,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tisoft import checks
 from tisoft.checks import Vector, keep_number, put
+from tisoft.moving import check_motion, pose
+from tisoft.turning import Turn
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,11 @@ class Plane:
         point: on the plane [m].
         normal: of any length but 0; kept as a unit vector.
         friction: Coulomb's coefficient.
+        velocity: [m/s], from t = 0.
+        path: rows (t, dx, dy, dz): displacement [m] at times [s], linear between rows.
+        turn: rotation about an axis, from t = 0.
+
+    At most one of velocity, path and turn.
 
     Raises:
         SceneError: naming the field and its value.
@@ -33,16 +41,24 @@ class Plane:
     point: Vector = (0.0, 0.0, 0.0)
     normal: Vector = (0.0, 1.0, 0.0)
     friction: float = 0.0
+    velocity: Vector | None = None
+    path: checks.Timeline | None = None
+    turn: Turn | None = None
 
     def __post_init__(self) -> None:
         put(self, "point", checks.vector("point", self.point))
         put(self, "normal", checks.direction("normal", self.normal))
         keep_number(self, "friction", least=0.0)
+        check_motion(self)
 
-    def numbers(self, origin: Any) -> list[float]:
-        """a, b and r of `distance`, seen from a body's origin [m]."""
-        offset = np.array(self.normal) @ (np.array(self.point) - origin)
-        return [*self.normal, 0.0, 0.0, 0.0, float(offset)]
+    def numbers(self, origin: Any, times: Any) -> NDArray[np.float64]:
+        """a, b, r of `distance` at times [s], seen from a body's origin [m], shape (times, 7)."""
+        turned, way = pose(self, times)
+        out = np.zeros((len(way), 7))
+        out[:, :3] = turned @ np.array(self.normal)
+        place = turned @ np.array(self.point) + way - origin
+        out[:, 6] = np.einsum("ti,ti->t", out[:, :3], place)
+        return out
 
     @staticmethod
     def distance(a, b, r, x):  # type: ignore[no-untyped-def]

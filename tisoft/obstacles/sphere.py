@@ -12,29 +12,52 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tisoft import checks
 from tisoft.checks import Vector, keep_number, put
+from tisoft.moving import check_motion, pose
+from tisoft.turning import Turn
 
 
 @dataclass(frozen=True)
 class Sphere:
-    """An obstacle: a ball about `center` [m] of `radius` [m]; `friction` is Coulomb's.
-    Raises SceneError for numbers that are no ball.
+    """An obstacle: a ball.
+
+    Args:
+        center: [m].
+        radius: [m].
+        friction: Coulomb's coefficient.
+        velocity: [m/s], from t = 0.
+        path: rows (t, dx, dy, dz): displacement [m] at times [s], linear between rows.
+        turn: rotation about an axis, from t = 0.
+
+    At most one of velocity, path and turn.
+
+    Raises:
+        SceneError: naming the field and its value.
     """
 
     center: Vector
     radius: float
     friction: float = 0.0
+    velocity: Vector | None = None
+    path: checks.Timeline | None = None
+    turn: Turn | None = None
 
     def __post_init__(self) -> None:
         put(self, "center", checks.vector("center", self.center))
         keep_number(self, "radius", above=0.0, unit="m")
         keep_number(self, "friction", least=0.0)
+        check_motion(self)
 
-    def numbers(self, origin: Any) -> list[float]:
-        """a, b and r of `distance`, seen from a body's origin [m]."""
-        return [*(np.array(self.center) - origin), 0.0, 0.0, 0.0, self.radius]
+    def numbers(self, origin: Any, times: Any) -> NDArray[np.float64]:
+        """a, b, r of `distance` at times [s], seen from a body's origin [m], shape (times, 7)."""
+        turned, way = pose(self, times)
+        out = np.zeros((len(way), 7))
+        out[:, :3] = turned @ np.array(self.center) + way - origin
+        out[:, 6] = self.radius
+        return out
 
     @staticmethod
     def distance(a, b, r, x):  # type: ignore[no-untyped-def]

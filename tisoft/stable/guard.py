@@ -86,6 +86,10 @@ class Guarded(Protocol):
         """Whether loads or moved pins do work on the bodies."""
         ...
 
+    def remedies(self) -> str:
+        """What may help a scene that no step carries."""
+        ...
+
     def fallen(self, number: int) -> float:
         """Energy [J] that gravity has given from the rest positions to the end of a stretch."""
         ...
@@ -161,11 +165,12 @@ class Guard:
             substeps, step = 2 * substeps, step / 2
             last = Recovery(scene.time, cause, element, first, step)
         assert last is not None
+        remedies = scene.remedies()
         raise Diverged(
             f"the simulation failed in frame {scene.frame + 1} (t = {last.time:.6g} s) at "
             f"{last.element}: {last.cause}; even the step {last.step_after:.3g} s, "
             f"{2**MOST_TRIES} times smaller than {last.step_before:.3g} s, did not help. "
-            "Move pins more slowly, make loads smaller or the material stiffer, or mend the element"
+            f"{remedies[0].upper()}{remedies[1:]}"
         )
 
     def watch(self, substeps: int, step: float) -> None:

@@ -11,7 +11,9 @@ moved pin the velocity that leads it to where it is at the substep's end.
 import taichi as ti
 
 from tisoft.model.inputs import (
+    FIRST_MOVED,
     FIRST_TORQUE,
+    LAST_MOVED,
     LAST_TORQUE,
     LOAD,
     NODES,
@@ -72,9 +74,27 @@ def act(s: ti.template(), scene, i, column):
 
 @ti.func
 def turns(s: ti.template(), scene):
-    """Whether the scene has torques."""
+    """Whether the scene has torques or moved obstacles."""
     row = s.state.ranges[scene, INPUTS]
-    return s.inputs.scene[row, FIRST_TORQUE] < s.inputs.scene[row, LAST_TORQUE]
+    return (
+        s.inputs.scene[row, FIRST_TORQUE] < s.inputs.scene[row, LAST_TORQUE]
+        or s.inputs.scene[row, FIRST_MOVED] < s.inputs.scene[row, LAST_MOVED]
+    )
+
+
+@ti.func
+def move_obstacles(s: ti.template(), scene, column):
+    """Put moved obstacles where they are when a pass begins, with the velocity that they have
+    through it.  Writes obstacle.
+    """
+    row = s.state.ranges[scene, INPUTS]
+    for m in range(s.inputs.scene[row, FIRST_MOVED], s.inputs.scene[row, LAST_MOVED]):
+        first = s.inputs.moved_signal[m]
+        for c in range(13):
+            into = c if c < 7 else c + 2
+            s.state.obstacle[s.inputs.moved_row[m], into] = ti.cast(
+                signal(s, row, first + c, column), s.inputs.real
+            )
 
 
 @ti.func

@@ -39,6 +39,7 @@ def make_advance(s: Any) -> Any:
         ti.loop_config(serialize=True)
         for _ in range(1):
             driving.turn(s, scene, column)
+            driving.move_obstacles(s, scene, column)
 
     @ti.kernel
     def act(scene: int, column: int):

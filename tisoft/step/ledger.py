@@ -5,8 +5,9 @@ With v and v' the velocities around a kick of k seconds by the force f = f_c + f
 (conservative, dissipating, external), J = m (v' − v) − k f the impulse of contact or of a pin, and
 d the displacement, the kinetic energy changes by exactly (k f + J)·(v + v')/2.  Of this
 
-    dissipated     D = −k f_d·(v + v')/2,  contact  −J·(v + v')/2 + (f_c + f_e)·(push out of it)
-    external work  W = f_e·d,              moved pins  J·(v + v')/2
+    dissipated     D = −k f_d·(v + v')/2,  contact  −J·((v + v')/2 − w)
+    external work  W = f_e·d,              moved pins  J·(v + v')/2,  moved obstacles  J·w,
+                                           pushes out of obstacles  −(f_c + f_e)·push
 
 Then T + V + D − W differs from its start by −(h/2) v·f alone, f = −∂V/∂x with loads: the swing of
 symplectic Euler, O(h), which does not grow (its conserved energy is T + V + (h/2) v·f), and by
@@ -39,7 +40,11 @@ def note(state: ti.template(), i, elements, viscous, moved, old, now):
             impulse -= moved.kick * (kept[c] + lost[c] + load[c])
             given += impulse * mean[c]
         else:
-            taken += (kept[c] + load[c]) * moved.push[c] - mass * moved.jump[c] * mean[c]
+            given -= (kept[c] + load[c]) * moved.push[c]
+            taken -= mass * moved.jump[c] * mean[c]
+    if bits != 7:
+        given += mass * state.carried[i]
+        taken += mass * state.carried[i]
     state.work[i][0] = state.work[i][0] + taken
     state.work[i][1] = state.work[i][1] + given
 

@@ -70,6 +70,7 @@ def drive(s: ti.template(), scene, t, threads, phase, number):
     if driving.turns(s, scene):
         if t == 0:
             driving.turn(s, scene, column)
+            driving.move_obstacles(s, scene, column)
         phase += 1
         meet(s, scene, phase, threads)
     for i in range(share(low, high, t, threads), share(low, high, t + 1, threads)):

@@ -28,6 +28,7 @@ from tisoft.model.arena import Lease
 from tisoft.model.inputs import Inputs
 from tisoft.model.part import Part
 from tisoft.model.system import System
+from tisoft.moving import speeds
 from tisoft.pins import Pin
 from tisoft.step.symplectic_euler import SymplecticEuler
 
@@ -47,6 +48,8 @@ class Windows:
     end: Floats
     before: Floats
     after: Floats
+    here: Floats
+    """When the passes begin [s]."""
     first_share: float
     """Share of the first kick that the first window stands for; what is beyond acts as at its
     start."""
@@ -69,9 +72,10 @@ def windows(
     if ends:
         low, high = np.clip(low, 0.0, substeps), np.clip(high, 0.0, substeps)
     number = np.minimum(passes, substeps - 1)
+    here: Floats = np.asarray(start + step * passes, np.float64)
     return Windows(
         start + step * low, start + step * high,
-        start + step * number, start + step * (number + 1), 1.0,
+        start + step * number, start + step * (number + 1), here, 1.0,
     )  # fmt: skip
 
 
@@ -150,6 +154,16 @@ def turn_signal(rate: float) -> Signal:
     return signal
 
 
+def obstacle_signal(obstacle: Any, part: Part) -> Signal:
+    """The numbers of a moved obstacle, and its surface's velocity, seen from a body's origin."""
+
+    def signal(w: Windows) -> Floats:
+        numbers = obstacle.numbers(part.origin, w.here)
+        return np.hstack([numbers, speeds(obstacle, w.before, w.after, part.origin)]).T
+
+    return signal
+
+
 @dataclass
 class Rows:
     """Rows of nodes, as `Inputs.write_rows` takes them."""
@@ -188,6 +202,8 @@ class Acting:
     signals: list[Signal] = field(default_factory=list)
     count: int = 0
     """Signals so far."""
+    moved: list[tuple[int, int]] = field(default_factory=list)
+    """Row in `State.obstacle` and first signal of each moved obstacle, one for each body."""
     torques: list[tuple[int, Floats, NDArray[np.int64], Floats]] = field(default_factory=list)
     """Signal, moment [N·m], nodes and shares of each."""
 
@@ -247,6 +263,7 @@ class Schedule:
             "values": acting.count * self.most_passes,
             "turned": turned,
             "torques": len(acting.torques) + 1,
+            "moved": len(acting.moved),
             "scenes": 1,
         }
         if self._lease is None or any(needs[k] > self._lease.counts[k] for k in needs):
@@ -259,9 +276,12 @@ class Schedule:
             at["nodes"], starts + np.int32(at["rows"]), at["rows"], words, s.reals(vectors)
         )
         self._write_torques(acting)
+        if acting.moved:
+            fields.write_moved(at["moved"], *np.array(acting.moved, np.int32).T.copy())
         fields.write_scene(at["scenes"], np.array([
             at["nodes"] - s.first, at["values"], self.most_passes,
-            at["torques"], at["torques"] + len(acting.torques), -1,
+            at["torques"], at["torques"] + len(acting.torques),
+            at["moved"], at["moved"] + len(acting.moved),
         ], np.int32))  # fmt: skip
         s.state.ranges[s.scene, columns.INPUTS] = at["scenes"]
 

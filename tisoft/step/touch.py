@@ -18,7 +18,7 @@ how many there are.
 
 import taichi as ti
 
-from tisoft.step.contact import gap_and_normal
+from tisoft.step.contact import gap_and_normal, surface_velocity
 from tisoft.step.fixed import free
 
 
@@ -50,11 +50,13 @@ def meet_obstacles(s: ti.template(), p, now):
     if lightness > 0.0:
         for row in range(s.touch.first[p], s.touch.last[p]):
             gap, normal = gap_and_normal(s.state, row, x)
+            w = surface_velocity(s.state, row, x)
+            gap -= h * normal.dot(w)  # where the obstacle is by now
             if gap < 0.0:
-                along = normal.dot(v)
+                along = normal.dot(v - w)
                 before = gap - h * along
                 kick = ti.max(-ti.max(before, 0.0 * h) / h - along, 0.0 * h)
-                tangential = v - along * normal
+                tangential = v - w - along * normal
                 speed = tangential.norm()
                 change = kick * normal
                 if speed > 0.0:
@@ -64,6 +66,7 @@ def meet_obstacles(s: ti.template(), p, now):
                     i = s.touch.corner[p, a]
                     part = s.touch.share[p, a] * s.state.inverse_mass[i] / lightness
                     if s.state.fixed[i] != 7:
+                        carry(s, i, free(s.state, i, part * change).dot(w))
                         shift(
                             s,
                             i,
@@ -73,6 +76,15 @@ def meet_obstacles(s: ti.template(), p, now):
                         )
                 v += change
                 x += h * change + push
+
+
+@ti.func
+def carry(s: ti.template(), i, carried):
+    """Count work [J per kg] that a moving obstacle did on node i as work from outside."""
+    if ti.static(s.ledger):
+        given = carried / s.state.inverse_mass[i]
+        s.state.work[i][0] = s.state.work[i][0] + given
+        s.state.work[i][1] = s.state.work[i][1] + given
 
 
 @ti.func
