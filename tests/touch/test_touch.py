@@ -99,7 +99,7 @@ def test_without_contact_bodies_pass_through_each_other():
 
 def test_solids_that_start_inside_each_other_are_refused_by_name_and_depth():
     scene = blocks(apart=-0.04)  # 0.04 m less the gap of 0.0025 m
-    with pytest.raises(ts.SceneError, match="'b' start 0.0375 m inside each other"):
+    with pytest.raises(ts.SceneError, match=r"'b' start 0\.0375 m inside each other"):
         simulation(scene, threads=1)
     scene.bodies[1].contact = False
     simulation(scene, threads=1)
