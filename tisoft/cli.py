@@ -15,8 +15,7 @@ from tisoft import stops
 from tisoft.errors import TisoftError
 
 COMMANDS = (
-    "demo", "run", "render", "check", "bench", "view", "static", "modes", "stability", "sweep",
-    "chart", "advise",
+    "demo", "run", "render", "check", "bench", "view", "static", "modes", "stability", "sweep"
 )  # fmt: skip
 
 DESCRIPTION = "Soft bodies in Taichi that know how far they can be trusted."
