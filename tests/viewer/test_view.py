@@ -122,6 +122,13 @@ def test_real_time_is_kept_debt_is_dropped_and_a_pause_stops(control):
     control.tick()
     control.tick()
     assert control.sim.frame == still + 1
+    order(control, do="step")  # while no page has time for a picture
+    control.wants, before = False, control.snapshot.number
+    control.tick()
+    assert control.snapshot.number == before
+    control.want()
+    control.tick()
+    assert control.snapshot.time == control.sim.time == pytest.approx((still + 2) / 60.0)
 
 
 def test_panel_orders_change_the_scene_and_reset_begins_anew(control):

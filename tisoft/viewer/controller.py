@@ -86,6 +86,8 @@ class Controller:
         self.listeners: list[Callable[[], None]] = []
         self.wants = True
         """Whether somebody waits for a newer snapshot."""
+        self.stale = False
+        """Whether the state is newer than the snapshot."""
         self.paused, self.error, self.last_change = False, "", ""
         self.singles = 0
         self.hold = False
@@ -129,16 +131,16 @@ class Controller:
 
     def tick(self) -> None:
         """Obey, step where a frame is due, and sleep where none is."""
-        obeyed = self._obey()
+        self._obey()
+        if self.stale:  # changed, or stepped when no page had time for it
+            self._publish()
         now = self.clock()
         if self.paused:
             self._due = now
             if self.singles:
                 self.singles -= 1
                 self._step()
-            elif obeyed:
-                self._publish()
-            else:
+            elif not (self.stale and self.wants):
                 self.wait(NAP)
         elif now < self._due:
             self.wait(min(self._due - now, NAP))
@@ -157,6 +159,7 @@ class Controller:
         except TisoftError as error:
             self._fail(error)
         self._meter.append((self.clock(), self.sim.time))
+        self.stale = True
         self._publish()
 
     def _fail(self, error: TisoftError) -> None:
@@ -165,8 +168,8 @@ class Controller:
         undo = f"; the last change was {self.last_change}: undo it" if self.last_change else ""
         self.error = f"{str(error).rstrip('.')}{undo}, or reset (Backspace)."
 
-    def _obey(self) -> bool:
-        obeyed = bool(self.orders)
+    def _obey(self) -> None:
+        self.stale = self.stale or bool(self.orders)
         while self.orders:
             viewer, order = self.orders.popleft()
             asked = {name: value for name, value in order.items() if name != "do"}
@@ -174,11 +177,10 @@ class Controller:
                 _ORDERS[order["do"]](self, viewer, **asked)
             except TisoftError as error:
                 self.error = str(error)
-        return obeyed
 
     def _publish(self) -> None:
         if self.wants:
-            self.wants = False
+            self.wants = self.stale = False
             self.snapshot = self._snapshot()
             for notify in self.listeners:
                 notify()
