@@ -80,7 +80,8 @@ class Motion(Present):
         stretch a body in one.
         """
         driven = self.holder.is_moving or self.loading.changes or self.moves_obstacles
-        return driven or self.is_pushing or self.since_look + substeps >= self.next_look
+        driven = driven or self.is_pushing or bool(self.hands.held)
+        return driven or self.since_look + substeps >= self.next_look
 
     def _looked(self, substeps: int) -> None:
         """Note substeps, and look where that is due."""
@@ -131,6 +132,8 @@ class Motion(Present):
         if self.holder.begin(self.time, end):
             self._set_inputs()
             self._let_go(held)
+        if self.hands.held:
+            self.hands.begin(step, self.limit.nearest(), self.stepper.integrator.damping_factor)
         if self.scene.start == "half-step" and not self.half_step_lag:
             u, v = self.system.motion()
             self.system.set_motion(u, v - 0.5 * step * self.acceleration())
@@ -198,7 +201,7 @@ class Motion(Present):
         explicit = self.guard is not None and self.scene.integrator == "explicit-euler"
         return not (explicit or self.half_step_lag or self.scene.start == "half-step"
                     or self.holder.is_moving or self.loading.changes
-                    or self.moves_obstacles or self.is_pushing)  # fmt: skip
+                    or self.moves_obstacles or self.is_pushing or self.hands.held)  # fmt: skip
 
     def _frames_until_release(self) -> int:
         releases = [

@@ -23,6 +23,7 @@ from tisoft.stable.guard import Recovery
 from tisoft.stable.limit import StepLimit
 from tisoft.stable.watch import Watch
 from tisoft.step.account import Account
+from tisoft.step.grab import Hands
 from tisoft.step.loading import Loading, external_forces
 from tisoft.step.observe import energy_table
 from tisoft.step.pins import Holder
@@ -90,6 +91,7 @@ class Present:
         self.loading = Loading(self.system)
         self.holder = Holder(self.system)
         self.schedule = Schedule(self.system)
+        self.hands = Hands(self.system)
         self._threads = threads
         self._compile(ledger)
 
@@ -113,7 +115,7 @@ class Present:
 
     def _make_stepper(self) -> Stepper:
         stepper = Stepper(self.system, self._rules(), threads=self._threads, schedule=self.schedule)
-        stepper.loaded = self.loading.loads or self.loading.pressure
+        stepper.loaded = self._is_loaded()
         return stepper
 
     def _set_inputs(self) -> None:
@@ -243,11 +245,14 @@ class Present:
             others = True
         if self.loading.refresh():
             self._set_inputs()
-            self.stepper.loaded = self.loading.loads or self.loading.pressure
         if self._rules() != self.stepper.rules:
             self.stepper = self._make_stepper()
             self.stepper.compile()
+        self.stepper.loaded = self._is_loaded()
         return others
+
+    def _is_loaded(self) -> bool:
+        return self.loading.acts or bool(self.hands.held)
 
     def _stored(self) -> float:
         """T + W + G [J] of the present state, under the gravity that was known last."""
@@ -266,9 +271,10 @@ class Present:
     # -- the present state ---------------------------------------------------------------------
 
     def is_driven(self) -> bool:
-        """Whether loads, moved pins or obstacles do work on the bodies."""
+        """Whether loads, hands, moved pins or obstacles do work on the bodies."""
         loads = any(part.body.loads for part in self.system.parts)
-        return self.holder.is_moving or loads or self.moves_obstacles or self.is_pushing
+        moved = self.holder.is_moving or self.moves_obstacles or self.is_pushing
+        return moved or loads or bool(self.hands.held)
 
     def remedies(self) -> str:
         """What may help a scene that no step carries: of what it contains."""

@@ -31,8 +31,8 @@ TOUCH = 17
 """Column of `State.ranges`: first point of `Touch`, then one past the last."""
 ORDERS = (
     FIRST, LAST, PASSES, THREADS, LOADED, DONE, TRIPPED, PROBES, PROBE, RECORDS, CHUNKS, TASK,
-    REACHED,
-) = tuple(range(13))  # fmt: skip
+    REACHED, HAND, HELD,
+) = tuple(range(15))  # fmt: skip
 """Columns of `State.orders`."""
 MOVE, SUM, PUSH = range(3)
 """Tasks of a launch: make substeps; sum up the present state; leave its forces in the copies."""
@@ -44,6 +44,8 @@ TOUCH_SCENE = 14
 """Column of `State.ranges`: the scene's row of contact's fields."""
 STEP, GRAVITY, MOST_KINETIC, KICK = 0, 1, 4, 5
 """Columns of `State.settings`."""
+HANDS, HAND_NODES = 4, 32
+"""Hands on the bodies of a scene, and nodes of each, at the most."""
 OBSTACLE_NUMBERS = 15
 """Columns of an obstacle's numbers: seven of `distance`, friction, speed of pushing out [m/s], and
 its surface's velocity w₀ + ω × x: w₀ [m/s] and ω [1/s]."""
@@ -67,6 +69,7 @@ class State:
         "pressures": 8192,
         "obstacles": 4096,
         "probes": 64,
+        "hands": 64 * HANDS,
         "records": 16 * FRAMES,
         "scenes": 64,
     }  # fmt: skip
@@ -117,6 +120,8 @@ class State:
         """Force of pressures [N]."""
         self.pull = field(vec3, "nodes")
         """a of this substep [m/s²], where carried surfaces meet obstacles and a ledger is kept."""
+        self.drawn = field(vec3, "nodes")
+        """Force of hands [N]; 0 where none holds it."""
         self.pressure_start = field(ti.i32, "nodes")
         """Where its rows of `pressure_ends` begin."""
         self.copy_start = field(ti.i32, "nodes")
@@ -138,6 +143,19 @@ class State:
         """The face's two other nodes, seen counter-clockwise from outside."""
         self.pressure_numbers = field(real, "pressures", PRESSURE_NUMBERS)
         """X_j − X_i, X_k − X_i [m] and p c [Pa], see `external`."""
+
+        # A row for each hand, see `grab`:
+        self.hand_count = field(ti.i32, "hands")
+        """How many nodes it holds."""
+        self.hand_node = field(ti.i32, "hands", HAND_NODES)
+        self.hand_weight = field(real, "hands", HAND_NODES)
+        """Their rows and weights w."""
+        self.hand_target = field(vec3, "hands")
+        """What Σ w u is drawn to, y − Σ w X [m]."""
+        self.hand_numbers = field(real, "hands", 3)
+        """k [N/m], c [N s/m] and F [N]."""
+        self.hand_force = field(vec3, "hands")
+        """Σ f [N] in the last substep."""
 
         self.drag = field(real, "bodies")
         """Point damping [1/s] of each body."""
@@ -359,6 +377,26 @@ class State:
                 self.orders[scene, k] = orders[k]
             for k in range(probes.shape[0]):
                 self.probe[probe + k] = probes[k]
+
+    @ti.kernel
+    def write_hand(self, hand: int, nodes: A, weights: A, numbers: A):
+        """Write what a hand holds, its target, k, c and F."""
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            self.hand_count[hand] = nodes.shape[0]
+            for k in range(nodes.shape[0]):
+                self.hand_node[hand, k] = nodes[k]
+                self.hand_weight[hand, k] = weights[k]
+            for d in ti.static(range(3)):
+                self.hand_target[hand][d] = numbers[d]
+                self.hand_numbers[hand, d] = numbers[3 + d]
+
+    @ti.kernel
+    def let_go(self, first: int, last: int):
+        """Take all hands' forces off the nodes."""
+        ti.loop_config(serialize=self.serial)
+        for i in range(first, last):
+            self.drawn[i] = 0.0 * self.drawn[i]
 
     @ti.kernel
     def take_forces(self, first: int, out: A):

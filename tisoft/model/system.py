@@ -119,6 +119,7 @@ class System:
             "chunks": -(-self.count // columns.CHUNK),
             "pressures": pressures,
             "probes": len(self._probes),
+            "hands": columns.HANDS,
             "records": (columns.FRAMES + 1) * (1 + len(self._probes)),
             "scenes": 1,
         }
@@ -289,6 +290,7 @@ class System:
         orders[columns.PROBE] = self.lease.starts["probes"]
         orders[columns.RECORDS] = self.lease.starts["records"]
         orders[columns.CHUNKS] = self.lease.starts["chunks"]
+        orders[columns.HAND] = self.lease.starts["hands"]
         probes = (np.array(self._probes, np.int32) + self.first).astype(np.int32)
         self.state.write_scene(self.scene, ranges, orders, self.lease.starts["probes"], probes)
 
@@ -320,6 +322,22 @@ class System:
 
     def _reals(self, values: Any) -> NDArray[Any]:
         return np.ascontiguousarray(values, dtype=self.real)
+
+    # -- hands ---------------------------------------------------------------------------------
+
+    def write_hand(self, hand: int, nodes: Any, weights: Any, numbers: Any) -> None:
+        """Write row `hand`: nodes (inside rows) and weights, y − Σ w X (3) [m], k, c and F."""
+        rows = (np.asarray(nodes) + self.first).astype(np.int32)
+        self.state.write_hand(hand, rows, self._reals(weights), self._reals(numbers))
+
+    def hold(self, count: int) -> None:
+        """Say how many hands pull."""
+        self.order("orders", columns.HELD, count)
+
+    def let_go(self) -> None:
+        """Take all hands' forces off the nodes."""
+        self.hold(0)
+        self.state.let_go(self.first, self.last)
 
     # -- changes -------------------------------------------------------------------------------
 

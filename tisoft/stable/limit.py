@@ -244,6 +244,11 @@ class StepLimit:
         sharp, bound = self._reference or (self._sharp_at_rest()[0], self._rest_bounds[0])
         return self._solid_bound() * sharp / bound
 
+    def nearest(self) -> float:
+        """The limit [s] of all bodies in the state looked at last, as well as it is known."""
+        solid, net = self._sharp_at_rest()
+        return min(self.accepted() if self._moves else solid, net)
+
     def state(self) -> dict[str, Any]:
         """What a checkpoint keeps, so that the same bits follow."""
         sharp, bound = self._reference or (None, None)

@@ -3,7 +3,8 @@
 
     a = (f_int + f_ext)/m + g − γ v
 
-f_ext are loads that keep their direction (`State.load`) and pressures that follow the surface:
+f_ext are loads that keep their direction (`State.load`), hands (`grab`) and pressures that follow
+the surface:
 
     f_i = −p Σ c (x_j − x_i) × (x_k − x_i)
 
@@ -19,6 +20,8 @@ is the exact integral of −p N_i n over faces, c as `geometry.faces` tells (1/6
 """
 
 import taichi as ti
+
+from tisoft.model.state import HAND, HELD
 
 
 @ti.func
@@ -38,11 +41,38 @@ def press(state: ti.template(), i):
 
 
 @ti.func
+def draw(state: ti.template(), scene):
+    """Keep the hands' forces f_j = w_j (k (y − Σ w x) − c Σ w v) in state.drawn (see `grab`).
+
+    One thread does it for all.  Reads hand_*, displacement, velocity; writes drawn, hand_force.
+    """
+    first = state.orders[scene, HAND]
+    last = first + state.orders[scene, HELD]
+    for hand in range(first, last):
+        for k in range(state.hand_count[hand]):
+            i = state.hand_node[hand, k]
+            state.drawn[i] = 0.0 * state.drawn[i]
+    for hand in range(first, last):
+        f = state.hand_numbers[hand, 0] * state.hand_target[hand]
+        for k in range(state.hand_count[hand]):
+            i, w = state.hand_node[hand, k], state.hand_weight[hand, k]
+            f -= w * state.hand_numbers[hand, 0] * state.displacement[i]
+            f -= w * state.hand_numbers[hand, 1] * state.velocity[i]
+        size = ti.sqrt(f.dot(f))
+        if size > state.hand_numbers[hand, 2]:
+            f *= state.hand_numbers[hand, 2] / size
+        state.hand_force[hand] = f
+        for k in range(state.hand_count[hand]):
+            i = state.hand_node[hand, k]
+            state.drawn[i] = state.drawn[i] + state.hand_weight[hand, k] * f
+
+
+@ti.func
 def force(state: ti.template(), i, now):
-    """f_ext on node i [N].  Reads state.load, state.pressed."""
+    """f_ext on node i [N].  Reads state.load, state.pressed, state.drawn."""
     f = 0.0 * state.load[i]
     if now.loaded:
-        f = state.load[i] + state.pressed[i]
+        f = state.load[i] + state.pressed[i] + state.drawn[i]
     return f
 
 

@@ -56,6 +56,8 @@ def make_advance(s: Any) -> Any:
         for i in range(s.state.ranges[scene, 0], s.state.ranges[scene, 1]):
             if now_of(s, scene, number, passes).loaded:
                 external.press(s.state, i)
+        for _ in range(1):
+            external.draw(s.state, scene)
 
     @ti.kernel
     def move(scene: int, number: int, passes: int):

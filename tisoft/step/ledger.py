@@ -16,6 +16,8 @@ O(h²) with velocity Verlet.  A force held for the substep does exactly f_e·d o
 
 import taichi as ti
 
+from tisoft.step import external
+
 
 @ti.func
 def note(state: ti.template(), i, elements, viscous, moved, old, now):
@@ -25,9 +27,7 @@ def note(state: ti.template(), i, elements, viscous, moved, old, now):
     integrator returned; old: velocity before the pass [m/s].
     """
     mass = 1.0 / state.inverse_mass[i]
-    load = 0.0 * elements
-    if now.loaded:
-        load = state.load[i] + state.pressed[i]
+    load = external.force(state, i, now)
     kept = elements - viscous + mass * now.gravity
     lost = viscous - state.drag[state.body[i]] * mass * old
     mean = 0.5 * (moved.before + moved.after)

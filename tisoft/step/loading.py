@@ -197,6 +197,11 @@ class Loading:
         return bool(self._turning) or any(not load.is_constant for load in self._known)
 
     @property
+    def acts(self) -> bool:
+        """Whether any load acts."""
+        return self.loads or self.pressure
+
+    @property
     def pressure(self) -> bool:
         """Whether some pressure acts."""
         return bool(self._pressed)

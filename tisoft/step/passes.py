@@ -102,6 +102,8 @@ def walk(s: ti.template(), scene, t, threads):
         if now.loaded:
             for i in range(first, last):
                 external.press(s.state, i)
+            if t == 0:
+                external.draw(s.state, scene)
         phase += 1
         meet(s, scene, phase, threads)
         if task == MOVE:
