@@ -11,7 +11,8 @@ d the displacement, the kinetic energy changes by exactly (k f + J)·(v + v')/2.
 
 Then T + V + D − W differs from its start by −(h/2) v·f alone, f = −∂V/∂x with loads: the swing of
 symplectic Euler, O(h), which does not grow (its conserved energy is T + V + (h/2) v·f), and by
-O(h²) with velocity Verlet.  A force held for the substep does exactly f_e·d of work.
+O(h²) with velocity Verlet.  A force held for the substep does exactly f_e·d of work; a hand, whose
+force follows the node, k f_e·(v + v')/2.
 """
 
 import taichi as ti
@@ -33,6 +34,8 @@ def note(state: ti.template(), i, elements, viscous, moved, old, now):
     mean = 0.5 * (moved.before + moved.after)
     taken = -moved.kick * lost.dot(mean)
     given = load.dot(moved.way)
+    if now.loaded:  # a hand's force changes as the node moves: what it gives is its kick's work
+        given += state.drawn[i].dot(moved.kick * mean - moved.way)
     bits = state.fixed[i]
     for c in ti.static(range(3)):
         if bits & (1 << c):
