@@ -19,6 +19,7 @@ from tisoft.checks import FieldError
 from tisoft.model.part import Part
 from tisoft.model.state import HAND_NODES, HANDS
 from tisoft.model.system import System
+from tisoft.models.materials import MassSpring
 
 if TYPE_CHECKING:
     from tisoft.body import Body
@@ -131,17 +132,15 @@ class Hands:
         return grab
 
     def _strength(self, grab: Grab) -> float:
-        """A force [N] that bends the body well: E r², or k times a spring's length."""
+        """A force [N] that bends the body well: E r², or k r of a spring."""
         part, model = grab._part, grab.body.model
         x = part.body.mesh.points[grab.nodes]
         away = ((x - grab.weights @ x) ** 2).sum(axis=1)
         radius = max(float(np.sqrt(abs(grab.weights) @ away)), LEAST_RADIUS * part.size)
-        young = getattr(model, "young", None)
-        if young is not None:
-            return float(young * radius**2)
-        ends = part.body.mesh.points[part.body.mesh.edges]
-        lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-        return float(np.median(lengths)) * float(np.median(model.stiffness))
+        if model.young is not None:
+            return float(model.young * radius**2)
+        assert isinstance(model, MassSpring)
+        return float(np.nanmedian(model.stiffness)) * radius
 
     def begin(self, step: float, limit: float, factor: int) -> None:
         """Prepare a stretch of substeps of `step` [s] that are stable up to `limit` [s]; `factor`
