@@ -94,6 +94,7 @@ class Motion(Present):
             self.watch.look(self.time)
             self._recenter()
             self._stop_pushing()
+            self.look_for_contact()
 
     def make_frame(self) -> None:
         """Advance one frame.

@@ -88,6 +88,8 @@ class Present:
         self._set_start()
         self.account: Account | None = None
         self.touching = touching_of(scene, self.system)
+        self.meets = False
+        """Whether surfaces have come near each other: contact is compiled then, and stays."""
         self.loading = Loading(self.system)
         self.holder = Holder(self.system)
         self.schedule = Schedule(self.system)
@@ -99,6 +101,7 @@ class Present:
         self._obstacles = tuple(self.scene.obstacles)
         self._push_out()
         self.place_obstacles()
+        self.look_for_contact()
         self.account = Account(0.0) if ledger else None
         self.holder.begin(0.0, 0.0)
         self.stepper = self._make_stepper()
@@ -147,7 +150,21 @@ class Present:
 
     def _rules(self) -> Rules:
         contact = bool(self.scene.obstacles)
-        return Rules(self.scene.integrator, contact, self.account is not None, self.touching)
+        touching = self.touching if self.meets else None
+        return Rules(self.scene.integrator, contact, self.account is not None, touching)
+
+    def look_for_contact(self) -> None:
+        """See whether surfaces may touch before the state is looked at again: until then a body
+        travels by half its size at the most (`Motion`), or through a frame.
+        """
+        if self.touching is None or self.meets:
+            return
+        time = 1.0 / self.scene.frame_rate
+        u, v = self.system.motion()
+        speed = np.linalg.norm(v, axis=1)
+        fall = 0.5 * time * time * float(np.linalg.norm(self.scene.gravity))
+        reach = [p.size + time * float(speed[p.nodes].max()) + fall for p in self.system.parts]
+        self.meets = self.touching.may_meet(self.system.world(), np.array(reach))
 
     def _set_start(self) -> None:
         """Initial velocities: v + ω × (x − centre of mass)."""

@@ -15,7 +15,7 @@ from tisoft.stable.guard import Recovery
 
 COUNTERS = (
     "time", "frame", "substeps", "since_look", "next_look", "wall_seconds", "half_step_lag",
-    "pushes",
+    "pushes", "meets",
 )  # fmt: skip
 ARRAYS = ("u", "v", "held", "drive", "load", "pressed")
 """The nodes' state; the last four, of the frame just made, tell reactions and velocities."""

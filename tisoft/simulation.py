@@ -131,6 +131,7 @@ class Simulation(Motion):
         u = self._inside(new[0]) - self.system.world(np.zeros(shape))
         self.system.set_motion(u, self._inside(new[1]))
         self.limit.moved()
+        self.look_for_contact()
         if self.guard is not None:
             self.guard.forget()
         if self.ledger:  # a new state begins a new account

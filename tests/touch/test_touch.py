@@ -66,6 +66,18 @@ def test_two_blocks_head_on():
     assert energy["contact"] == pytest.approx(start - leapfrog_energy(sim), rel=2e-3)
 
 
+def test_contact_is_compiled_when_bodies_come_near():
+    """Far apart they step without it; they meet as they would have, had it been there."""
+    sim = simulation(blocks(speed=1.0, apart=0.6), threads=1)
+    assert sim.stepper.structure.surfaces is None
+    for _ in sim.frames(0.5):
+        pass
+    assert sim.stepper.structure.surfaces is not None
+    a, b = mean_velocities(sim)
+    assert a[0] < 0 < b[0] and (a + b)[0] == pytest.approx(0.0, abs=1e-12)
+    assert sim.positions(sim.scene.bodies[0])[:, 0].mean() < 0.5
+
+
 def test_the_same_bits_however_it_is_run():
     """One or two threads, frame by frame or many in one launch: lists are made anew at other
     moments, and nothing of the result depends on them.

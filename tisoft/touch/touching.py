@@ -168,6 +168,7 @@ class Touching:
             a, b = (names.index(name) if name in names else None for name in pair)
             if a is not None and b is not None:
                 may[a, b] = may[b, a] = 0
+        self._may = may
         check_apart(
             names,
             [toucher.surface for toucher in self.touchers],
@@ -204,6 +205,22 @@ class Touching:
             length[f.LEAST : f.MOST + 1] = np.minimum(length[f.LEAST : f.MOST + 1], most)
         self.fields.write_scene(self.scene, order, length)
         self.system.state.ranges[self.system.scene, TOUCH_SCENE] = self.scene
+
+    def may_meet(self, world: Floats, reach: Floats) -> bool:
+        """Whether bodies, or a sheet and itself, may touch soon.
+
+        Args:
+            world: positions of all nodes [m], inside order.
+            reach: how far each body of the scene may come meanwhile [m].
+        """
+        if self._may.diagonal().any():
+            return True
+        parts = [toucher.part for toucher in self.touchers]
+        far = np.array([reach[part.index] for part in parts])[:, None]
+        low = np.array([world[part.nodes].min(axis=0) for part in parts]) - far
+        high = np.array([world[part.nodes].max(axis=0) for part in parts]) + far
+        meet = ((low[:, None] <= high) & (low <= high[:, None])).all(axis=2)
+        return bool((meet & (self._may != 0)).any())
 
     def place_origins(self) -> None:
         """Tell where bodies' origins are, from the middle of them all: after one has moved."""
