@@ -100,7 +100,7 @@ def test_nodes_that_were_merged_keep_their_numbers_for_pins_and_probes(tmp_path)
     made = ts.load_scene(scene(tmp_path, mesh="merge = true", more=more))
     rows = made.bodies[0].nodes(made.bodies[0].pins[0].where)
     assert sorted(made.bodies[0].mesh.points[rows][:, 0]) == [0.0, 0.5]
-    assert made.probed_node(made.probes[0])[1] in rows
+    assert made.probed(made.probes[0]).rows[0] in rows
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -300,8 +300,9 @@ def test_a_probe_follows_the_nearest_node_or_the_numbered_one():
     scene, beam = beam_scene()
     tip = scene.add_probe("tip", beam, point=(1.02, 0.1, 0.1))
     corner = scene.add_probe("corner", "beam", node=44)
-    assert scene.probed_node(tip) == (beam, 4 + 5 * (1 + 3 * 1))
-    assert scene.probed_node(corner) == (beam, 44)
+    assert scene.probed(tip).rows.tolist() == [4 + 5 * (1 + 3 * 1)]
+    assert scene.probed(corner).rows.tolist() == [44]
+    assert scene.probed(tip).body is beam
     with pytest.raises(FieldError, match="node = 45 is no node of the mesh: the highest is 44"):
         scene.add_probe("x", beam, node=45)
     with pytest.raises(FieldError, match=r'body = "baem" names no body .*; did you mean beam'):

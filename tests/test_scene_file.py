@@ -140,7 +140,7 @@ def test_a_scene_file_gives_the_scene_that_python_would_build(load):
     assert beam.pins == [Pin(where.box((0, -1, -1), (0, 1, 1)))]
     assert beam.loads[0].force == (0.0, -1.0, 0.0)
     assert scene.obstacles == [Plane((0, -1, 0), (0, 1, 0), friction=0.5)]
-    assert scene.probed_node(scene.probes[0]) == (beam, 24)
+    assert scene.probed(scene.probes[0]).rows.tolist() == [24]
     assert (scene.camera.fov, scene.camera.eye) == (30.0, None)
     assert (scene.render.color, scene.render.size) == ("stress", (1280, 720))
 

@@ -160,8 +160,7 @@ class Present:
         if self.touching is None or self.meets:
             return
         time = 1.0 / self.scene.frame_rate
-        u, v = self.system.motion()
-        speed = np.linalg.norm(v, axis=1)
+        speed = np.linalg.norm(self.system.motion()[1], axis=1)
         fall = 0.5 * time * time * float(np.linalg.norm(self.scene.gravity))
         reach = [p.size + time * float(speed[p.nodes].max()) + fall for p in self.system.parts]
         self.meets = self.touching.may_meet(self.system.world(), np.array(reach))
