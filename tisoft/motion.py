@@ -15,12 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft import runtime
+from tisoft.body import Body
 from tisoft.checks import FieldError
 from tisoft.model import state as columns
+from tisoft.model.part import Part
 from tisoft.present import Present
 from tisoft.scene import Scene
 from tisoft.stable.guard import Guard
 from tisoft.step.account import RUNNING
+from tisoft.step.grab import Grab
 from tisoft.step.pins import SAME_TIME
 
 Floats = NDArray[np.float64]
@@ -45,6 +48,33 @@ class Motion(Present):
         """Take over what the caller changed since the last frame."""
         if self.take_changes() and self.guard is not None:
             self.guard.forget()  # energies are others than before
+
+    def part(self, body: Body) -> Part:
+        """A body's share of the arrays; raises SceneError for a body of another scene."""
+        for part, own in zip(self.parts, self.scene.bodies, strict=True):
+            if body is own or body is part.body:  # the latter has its damping ratio turned
+                return part
+        raise FieldError("body", "is not in this simulation's scene", getattr(body, "name", body))
+
+    def grab(self, body: Body, nodes: Any, weights: Any, point: Any) -> Grab:
+        """Take a point of a body in the hand: it is drawn to `target`, at first `point`.
+
+        The hand pulls inside every substep, with the force that leaves the step as it is; it is at
+        most three times the body's weight or what bends the body well, whichever is more.  It is
+        external work in the ledger.  Checkpoints do not keep hands.
+
+        Args:
+            body: one of the scene's.
+            nodes: 1 to 32 rows of its `mesh.points`.
+            weights: share of each in the point, shape as nodes, sum 1.
+            point: world [m], shape (3,).
+
+        Raises:
+            SceneError: a body of another scene, nodes or weights that do not fit, a fifth hand.
+        """
+        part = self.part(body)
+        weight = part.mass.sum() * max(float(np.linalg.norm(self.scene.gravity)), 1.0)
+        return self.hands.take(part, nodes, weights, point, float(weight))
 
     # -- steps ---------------------------------------------------------------------------------
 

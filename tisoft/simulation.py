@@ -21,14 +21,12 @@ from tisoft.equilibrium.reactions import reactions
 from tisoft.equilibrium.statics import Equilibrium, equilibrium
 from tisoft.measures.measures import Measures
 from tisoft.model.mass import ITERATIONS
-from tisoft.model.part import Part
 from tisoft.motion import Motion
 from tisoft.probed import places_of
 from tisoft.running import run
 from tisoft.scene import Scene
 from tisoft.step.account import RUNNING
 from tisoft.step.consistent_mass import residual_share
-from tisoft.step.grab import Grab
 from tisoft.step.loading import external_forces
 from tisoft.step.observe import energy_table
 
@@ -137,28 +135,6 @@ class Simulation(Motion):
         if self.ledger:  # a new state begins a new account
             self.open_account()
 
-    def grab(self, body: Body, nodes: Any, weights: Any, point: Any) -> Grab:
-        """Take a point of a body in the hand: it is drawn to `target`, at first `point`.
-
-        The hand pulls inside every substep, with the force that leaves the step as it is; it is at
-        most three times the body's weight or what bends the body well, whichever is more.  It is
-        external work in the ledger.  Checkpoints do not keep hands.
-
-        Args:
-            body: one of the scene's.
-            nodes: 1 to 32 rows of its `mesh.points`.
-            weights: share of each in the point, shape as nodes, sum 1.
-            point: world [m], shape (3,).
-
-        Raises:
-            SceneError: a body of another scene, nodes or weights that do not fit, a fifth hand.
-        """
-        part = next((p for p in self.parts if p.body is body or p.body.name == body.name), None)
-        if part is None or body not in self.scene.bodies:
-            raise FieldError("body", "is none of this simulation's scene")
-        weight = part.mass.sum() * max(float(np.linalg.norm(self.scene.gravity)), 1.0)
-        return self.hands.take(part, nodes, weights, point, float(weight))
-
     def forces(self, body: Body | None = None) -> Floats:
         """Elastic, viscous and spring forces [N] in the present state, shape (nodes, 3)."""
         return self._outside(self.stepper.forces(), body)
@@ -233,13 +209,6 @@ class Simulation(Motion):
         force += self.system.mass[:, None] * np.asarray(self.scene.gravity)
         residual = residual_share(self.system.mass_residual(), force)
         return {"iterations": ITERATIONS[self.precision], "residual": residual}
-
-    def part(self, body: Body) -> Part:
-        """A body's share of the arrays; raises SceneError for a body of another scene."""
-        for part, own in zip(self.parts, self.scene.bodies, strict=True):
-            if body is own or body is part.body:  # the latter has its damping ratio turned
-                return part
-        raise FieldError("body", "is not in this simulation's scene", getattr(body, "name", body))
 
     def _outside(self, values: Floats, body: Body | None) -> Floats:
         """Internal order to the mesh's own."""

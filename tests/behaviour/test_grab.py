@@ -112,5 +112,5 @@ def test_what_cannot_be_grabbed_is_told():
     with pytest.raises(ts.SceneError, match="release another"):
         sim.grab(body, [0], [1.0], (0, 0, 0))
     other = ts.Scene()
-    with pytest.raises(ts.SceneError, match="none of this simulation"):
+    with pytest.raises(ts.SceneError, match="is not in this simulation"):
         sim.grab(other.add_body(body.mesh, body.model), [0], [1.0], (0, 0, 0))

@@ -13,16 +13,17 @@ CHROMIUM = "/usr/bin/chromium"
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 WHERE = """held => {
   const W = tisoft, c = W.camera; c.updateMatrixWorld();
-  const x = [0, 1, 2].map(k => held.rows.reduce((s, j, i) => s + held.weights[i] * W.positions[3 * j + k], 0));
+  const sum = k => held.rows.reduce((s, j, i) => s + held.weights[i] * W.positions[3 * j + k], 0);
+  const x = [0, 1, 2].map(sum);
   const v = c.position.clone().set(...x).project(c);
   return [(v.x + 1) / 2 * innerWidth, (1 - v.y) / 2 * innerHeight];
-}"""  # noqa: E501
+}"""
 
 
 @pytest.fixture(scope="module")
 def control():
     scene = ts.Scene()
-    model = ts.ViscoElastic(2e5, 0.3, 1000.0, phi=20.0, eta=20.0)
+    model = ts.ViscoElastic(1e6, 0.3, 1000.0, 200.0, 200.0, 8.0)
     body = scene.add_body(ts.box((1.0, 0.3, 0.3), (6, 2, 2)), model)
     body.pin(ts.where.box((-1, -1, -1), (0.001, 1, 1)))
     return Controller(scene)
@@ -71,11 +72,11 @@ def test_the_page_pauses_steps_slides_turns_and_resets(page, control):
     page.keyboard.press("ArrowRight")
     until(page, f"Math.abs(tisoft.time - {(frame + 1) / 60}) < 1e-4")
     assert control.sim.frame == frame + 1
-    page.fill("#young-0-value", "3e5")
+    page.fill("#young-0-value", "1.5e6")
     page.keyboard.press("Enter")
     page.select_option("#color", "speed")
     until(page, "tisoft.status.color == 'speed'")
-    assert control.scene.bodies[0].model.young == 3e5 and control.color == "speed"
+    assert control.scene.bodies[0].model.young == 1.5e6 and control.color == "speed"
     page.fill("#poisson-0-value", "0.9")
     page.keyboard.press("Enter")
     until(page, "!document.getElementById('error').hidden")
@@ -104,3 +105,26 @@ def test_the_page_comes_back_after_a_lost_connection(page):
 def test_nothing_is_asked_from_the_network_and_nothing_fails(page):
     assert page.asked and all(url.startswith("http://127.0.0.1:") for url in page.asked)
     assert not page.wrong
+
+
+def test_a_dragged_point_is_where_the_mouse_is(page, control):
+    page.wait_for_timeout(500)
+    x, y = page.evaluate(
+        """() => {
+          const v = tisoft.camera.position.clone().set(0.9, 0.1, 0.3).project(tisoft.camera);
+          return [(v.x + 1) / 2 * innerWidth, (1 - v.y) / 2 * innerHeight];
+        }"""
+    )
+    page.mouse.move(x, y)
+    page.mouse.down()
+    until(page, "tisoft.held() && tisoft.status.pull != null")
+    held = page.evaluate("tisoft.held()")
+    for i in range(1, 11):
+        page.mouse.move(x, y - 6 * i)
+        page.wait_for_timeout(50)
+    page.wait_for_timeout(1500)
+    point = page.evaluate(WHERE, held)
+    page.mouse.up()
+    assert np.hypot(point[0] - x, point[1] - (y - 60)) < 0.03 * 60
+    until(page, "tisoft.status.pull == null")
+    assert not control.hands and not control.sim.recoveries

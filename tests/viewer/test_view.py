@@ -71,7 +71,7 @@ def test_a_ray_finds_the_nearest_triangle_and_a_patch_carries_the_point():
     point = weights @ mesh.points[mesh.surface[triangle]]
     assert np.allclose(point, towards) and np.isclose(far, np.linalg.norm(towards - eye))
     assert pick(eye, -ray, mesh.points, mesh.surface) is None
-    rows, shares = patch(mesh.points, point)
+    rows, shares = patch(mesh.points, np.ones(len(mesh.points)), point)
     affine, shift = rng.normal(size=(3, 3)), rng.normal(size=3)
     moved = mesh.points @ affine.T + shift
     assert np.isclose(shares.sum(), 1.0)

@@ -196,12 +196,9 @@ class Controller:
         shown = self.drawn.owner(held)
         if shown is None:
             raise SceneError("a hand holds one body; these rows are of none, or of several")
-        mesh = shown.body.mesh
-        nodes, shares = patch(mesh.points, shown.rest_point(held, share))
-        take = getattr(self.sim, "grab", None)
-        if take is None:
-            raise SceneError("this engine has no hands, so bodies cannot be pulled")
-        self.hands[viewer] = take(shown.body, nodes, shares, point)
+        mass = self.sim.masses()[self.sim.part(shown.body).nodes]
+        nodes, shares = patch(shown.body.mesh.points, mass, shown.rest_point(held, share))
+        self.hands[viewer] = self.sim.grab(shown.body, nodes, shares, point)
         self.drag = number
 
     def move(self, viewer: Any, point: list[float], number: int) -> None:

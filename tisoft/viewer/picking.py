@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tisoft.step.grab import patch_weights
+
 Floats = NDArray[np.float64]
 
-PATCH = 12
+PATCH = 16
 """Nodes nearest to a grabbed point that carry it: about two rings of neighbours."""
 
 
@@ -34,19 +36,13 @@ def pick(
     return float(t[i]), i, np.array([1.0 - u[i] - v[i], u[i], v[i]])
 
 
-def patch(points: Floats, point: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """Nodes near a point of the rest shape and weights w, shape (n,): Σ w = 1 and Σ w X = point.
+def patch(points: Floats, mass: Floats, point: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """Nodes near a point of the rest shape and their weights for a hand (`grab.patch_weights`).
 
-    Moving least squares of order one (Lancaster and Salkauskas 1981), so that Σ w x stays the same
-    material point however the body turns and shears.  Where the nodes lie in a plane or on a line,
-    this holds within it.
+    Args:
+        points: of the body at rest [m], shape (nodes, 3).
+        mass: lumped [kg], shape (nodes,).
+        point: [m], shape (3,).
     """
-    away = np.linalg.norm(points - point, axis=1)
-    rows = np.argsort(away, kind="stable")[:PATCH]
-    reach = max(float(away[rows[-1]]), 1e-300)
-    d = (points[rows] - point) / reach
-    bell = np.exp(-2.0 * (d * d).sum(axis=1))
-    basis = np.column_stack([np.ones(len(rows)), d])
-    normal = basis.T @ (bell[:, None] * basis)
-    weights: Floats = bell * (basis @ np.linalg.pinv(normal, rcond=1e-6)[:, 0])
-    return rows, weights / weights.sum()
+    rows = np.argsort(np.linalg.norm(points - point, axis=1), kind="stable")[:PATCH]
+    return rows, patch_weights(points[rows], mass[rows], point)
