@@ -55,7 +55,6 @@ _BODY = (
     *_CONTACT,
 )
 _INSTEAD_OF_YOUNG = ("material", "lame_lambda", "lame_mu")
-_MODEL_KEYS = {name: field_names(cls) for name, cls in MODELS.items()}
 
 
 def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
@@ -222,12 +221,12 @@ def _check_size(scene: Scene, mesh: Mesh, field: str) -> None:
 
 def _model_parameters(table: Any, field: str) -> tuple[str, Table]:
     """The model's name and its parameters, with presets and Lamé constants worked out."""
-    every_key = dict.fromkeys(key for keys in _MODEL_KEYS.values() for key in keys)
+    every_key = dict.fromkeys(key for model in MODELS.values() for key in field_names(model))
     check_keys(table, field, (*_BODY, *every_key, *_INSTEAD_OF_YOUNG))
     with inside(field):
         kind = checks.choice("model", table.get("model", "viscoelastic"), list(MODELS))
         given = {key: value for key, value in table.items() if key in every_key}
-        own = _MODEL_KEYS[kind]
+        own = field_names(MODELS[kind])
         _check_model_keys(kind, given)
         parameters = _without_young(table, given)
         if kind != "mass-spring":
@@ -247,7 +246,7 @@ _HOW_TO_GIVE = {
 def _check_model_keys(kind: str, given: Table) -> None:
     """Refuse what the model does not have; what changes nothing stays, so models can be swapped."""
     for key, value in given.items():
-        if key in _MODEL_KEYS[kind] or key in _CONTACT:
+        if key in field_names(MODELS[kind]) or key in _CONTACT:
             continue
         if kind != "mass-spring":
             problem = f'is a key of model = "mass-spring", and this body is "{kind}"; remove it'

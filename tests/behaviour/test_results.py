@@ -116,6 +116,7 @@ def test_energies_of_every_frame(done):
     out, _, frames = done
     header, rows = rows_of(out / "energy.csv")
     names = ["kinetic", "elastic", "gravity", "dissipated", "external_work", "error"]
+    names += ["contact", "friction"]  # two bodies may touch
     assert header == ["time", *names]
     expected = [[f["time"], *(f["energy"][name] for name in names)] for f in frames]
     np.testing.assert_allclose(rows, expected, rtol=1e-12, atol=1e-15)

@@ -93,7 +93,8 @@ def test_a_push_out_of_an_obstacle_is_booked():
     scene.add_body(net, ts.MassSpring(stiffness=1.0, node_mass=0.5))
     scene.add_obstacle(ts.Plane(point=(0, 0, 0), normal=(0, 1, 0)))
     sim = ts.Simulation(scene, threads=1, ledger=True)
-    sim.step()
+    for _ in range(12):  # it comes out gently
+        sim.step()
     energy = sim.energy()
     lifted = 10 * 0.5 * 10.0 * 0.2
     assert sim.positions()[:, 1] == pytest.approx(0.0, abs=1e-12)
@@ -109,10 +110,13 @@ def test_a_push_against_a_load_is_booked():
     body.load(ts.where.everything(), force=(0, -20.0, 0))
     scene.add_obstacle(ts.Plane(point=(0, 0, 0), normal=(0, 1, 0)))
     sim = ts.Simulation(scene, threads=1, ledger=True)
-    sim.step()
+    for _ in range(12):
+        sim.step()
     energy = sim.energy()
-    assert energy["external_work"] == pytest.approx(-20.0 * 0.2, rel=1e-2)
-    assert energy["dissipated"] == pytest.approx(-20.0 * 0.2, rel=1e-2)
+    assert sim.positions()[:, 1] == pytest.approx(0.0, abs=1e-12)
+    # What the load takes on the way, F d = 4 J a node, the obstacle gives.
+    assert energy["external_work"] == pytest.approx(0.0, abs=0.08)
+    assert energy["dissipated"] == pytest.approx(0.0, abs=0.08)
     assert abs(energy["error"]) < 0.04
 
 

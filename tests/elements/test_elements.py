@@ -69,8 +69,8 @@ def elastic_of(mesh, law, **more):
     return Elastic(part)
 
 
-CASES = [("brick", law) for law in LAWS] + [("hex8", "viscoelastic")]
-CASES += [("cut", "viscoelastic"), ("tet10", "viscoelastic"), ("curved", "neo-hookean")]
+CASES = [("brick", "linear"), ("brick", "neo-hookean"), ("hex8", "viscoelastic")]
+CASES += [("tet10", "viscoelastic"), ("curved", "neo-hookean")]
 
 
 @pytest.fixture(params=CASES, ids="-".join, scope="module")
@@ -209,7 +209,6 @@ def torsion_error(mesh):
     [
         ((5, 1, 1), -1.6, -1.8, -2.0, -2.05),
         ((10, 2, 2), -1.6, -5.1, 0.3, -1.94),
-        ((20, 4, 4), -0.7, -2.4, 0.2, -0.83),
     ],
 )
 def test_beams_of_hexes(cells, bending, locked, f1, droop):
@@ -226,7 +225,7 @@ def test_beams_of_hexes(cells, bending, locked, f1, droop):
 
 @pytest.mark.parametrize(
     ("cells", "bending", "locked", "f1", "torsion"),
-    [((5, 1, 1), -3.4, -17.3, 1.2, 16.4), ((10, 2, 2), -0.9, -5.2, 0.4, None)],
+    [((5, 1, 1), -3.4, -17.3, 1.2, 16.4)],
 )
 def test_beams_of_quadratic_tets(cells, bending, locked, f1, torsion):
     mesh = quadratic(box((1, 0.2, 0.2), cells))

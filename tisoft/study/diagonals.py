@@ -140,6 +140,7 @@ def _scene(net: Net, gravity: Floats) -> Scene:
         )  # fmt: skip
         body = scene.add_body(mesh, model, f"without {100 * share:g} %")
         body.pins = list(net.pins)
+        body.contact = False  # they stand in each other's place
     return scene
 
 

@@ -64,7 +64,7 @@ def spin(subject: Subject, tick: Tick) -> tuple[Floats, dict[str, Floats]]:
     scene = Scene(gravity=(0.0, 0.0, 0.0), precision="f64")
     rate = float(np.sqrt(CENTRIFUGAL * m.young / m.density) / (0.5 * subject.size[:2].max()))
     for name in NAMES:
-        scene.add_body(subject.solid, subject.model(name), name)
+        scene.add_body(subject.solid, subject.model(name), name).contact = False
     sim = Simulation(scene, certify=False)
     step = 0.7 * sim.limit.sharp()
     most = min(SPEEDUP, max(1.0, LAST / (rate * step * MOST_SUBSTEPS)))
