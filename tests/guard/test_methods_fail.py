@@ -203,6 +203,8 @@ def test_stiffness_ratio_of_a_million():
         )
         stiff = made.add_body(failing.beam(), ts.ViscoElastic(1e9, 0.3, 1000.0))
         stiff.pin(failing.CLAMP)
+        for body in made.bodies:  # they stand in each other's place
+            body.contact = False
         made.gravity = (0, -0.05, 0)
         return made
 
