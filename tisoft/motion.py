@@ -109,9 +109,12 @@ class Motion(Present):
         """Whether the limit is to be looked at after so many substeps more: pins that move may
         stretch a body in one.
         """
-        driven = self.holder.is_moving or self.loading.changes or self.moves_obstacles
-        driven = driven or self.is_pushing or bool(self.hands.held)
-        return driven or self.since_look + substeps >= self.next_look
+        return self._is_changing() or self.since_look + substeps >= self.next_look
+
+    def _is_changing(self) -> bool:
+        """Whether what acts on the bodies is another thing from frame to frame, or a hand pulls."""
+        moved = self.holder.is_moving or self.loading.changes or self.moves_obstacles
+        return moved or self.is_pushing or bool(self.hands.held)
 
     def _looked(self, substeps: int) -> None:
         """Note substeps, and look where that is due."""
@@ -230,9 +233,8 @@ class Motion(Present):
     def _is_steady(self) -> bool:
         """Whether pins and loads are the same from frame to frame."""
         explicit = self.guard is not None and self.scene.integrator == "explicit-euler"
-        return not (explicit or self.half_step_lag or self.scene.start == "half-step"
-                    or self.holder.is_moving or self.loading.changes
-                    or self.moves_obstacles or self.is_pushing or self.hands.held)  # fmt: skip
+        lags = bool(self.half_step_lag) or self.scene.start == "half-step"
+        return not (explicit or lags or self._is_changing())
 
     def _frames_until_release(self) -> int:
         releases = [

@@ -381,6 +381,12 @@ class Hexahedron:
         nu = 0.5 * lam / (lam + mu)
         return plate, plate * nu, mu, mu * (3.0 * lam + 2.0 * mu) / (lam + mu)
 
+    @staticmethod
+    @ti.func
+    def weight(rest: ti.template(), q, lane):
+        """Share of the volume that point q stands for."""
+        return 1.0 + 0.0 * rest[3, lane]
+
     @classmethod
     def volumes(cls, rest: Floats) -> Floats:
         """V [m³], shape (cells,)."""
@@ -551,12 +557,6 @@ class Brick(Hexahedron):
 
     @staticmethod
     @ti.func
-    def weight(rest: ti.template(), q, lane):
-        """Share of the volume that point q stands for."""
-        return 1.0 + 0.0 * rest[3, lane]
-
-    @staticmethod
-    @ti.func
     def forces(
         law: ti.template(), rest: ti.template(), u: ti.template(), v: ti.template(), m, q, lane,
         out: ti.template(),
@@ -702,12 +702,6 @@ class Hex8(Hexahedron):
         """H at the point."""
         H, _ = Hex8.lift(rest, differences(u, lane), lane)
         return H
-
-    @staticmethod
-    @ti.func
-    def weight(rest: ti.template(), q, lane):
-        """Share of the volume that point q stands for."""
-        return 1.0 + 0.0 * rest[3, lane]
 
     @staticmethod
     @ti.func
