@@ -116,3 +116,15 @@ def test_solids_that_start_inside_each_other_are_refused_by_name_and_depth():
     scene.bodies[1].contact = False
     simulation(scene, threads=1)
     simulation(blocks(apart=-0.02), threads=1)  # less than half an edge is pushed out
+
+
+def test_bodies_that_explode_in_contact_end_soon():
+    """Four times the stable step: triangles stretch over space without end, and the search for
+    what they may touch ends nevertheless.
+    """
+    scene = blocks()
+    scene.step = 5e-3
+    sim = simulation(scene, threads=1, certify=False)
+    sim.run(0.06)
+    assert sim.touching.counts()["rows"] > 100  # they met before
+    assert not np.isfinite(sim.positions()).all()

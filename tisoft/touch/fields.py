@@ -32,8 +32,8 @@ HALF, FRICTION, DEPTH, ALLOWED = range(4)
 [m] that a point may go before the next search."""
 FACE_START, FACE_STOP, EDGE_START, EDGE_STOP, FACES_NEAR, EDGES_NEAR = range(6)
 """Columns of `Touch.segment`: each thread's pairs, and how many of them have rows."""
-FAR, FAST, WORST, STALE = range(4)
-"""Columns of `Touch.most`: each thread's maxima."""
+FAR, FAST, WORST, STALE, BLOWN = range(5)
+"""Columns of `Touch.most`: each thread's maxima, and whether a body has blown up."""
 
 
 @ti.data_oriented
@@ -173,7 +173,7 @@ class Touch:
         """Parts of a body's box where another one may be near [m]."""
         self.box_high = field(vec3, "boxes")
         self.segment = field(ti.i32, "threads", 6)
-        self.most = field(real, "threads", 4)
+        self.most = field(real, "threads", 5)
         self.order = field(ti.i32, "scenes", 25)
         self.length = field(wide, "scenes", 8)
         self.tree = builder.finalize()

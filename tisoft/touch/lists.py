@@ -18,6 +18,9 @@ from tisoft.touch.closest import between_edges, on_triangle
 
 AHEAD = 16.0
 """Substeps for which a search is to last."""
+MOST_CELLS = 4096.0
+"""Cells that a triangle or an edge may ask: at 8 times its size in all directions it has blown up,
+and nothing is listed; others watch over that."""
 
 
 @ti.func
@@ -253,9 +256,22 @@ def pair_edges(touch: ti.template(), q, i, at, n, begun, stop):
 
 
 @ti.func
+def cells_of(lo, hi, per_cell):
+    """How many cells a box [m] covers along each axis, 0 where they are too many; the lowest."""
+    low, high = ti.floor(lo * per_cell), ti.floor(hi * per_cell)
+    wide = high - low + 1.0
+    size, cell = ti.Vector([0, 0, 0]), ti.Vector([0, 0, 0])
+    # What is not finite compares with nothing.
+    if wide[0] * wide[1] * wide[2] <= MOST_CELLS and ti.abs(low).max() < 1e9:
+        size, cell = ti.cast(wide, ti.i32), ti.cast(low, ti.i32)
+    return size, cell
+
+
+@ti.func
 def find(touch: ti.template(), q, t, threads, per_cell):
     """Thread t's pairs: of points and triangles (kind 0), then of edges (1)."""
     own = touch.order[q, f.THREAD] + t
+    touch.most[own, f.BLOWN] = 0.0
     base, room = touch.order[q, f.PAIR], touch.order[q, f.FACE_ROOM]
     low, high = touch.order[q, f.TRIANGLE], touch.order[q, f.TRIANGLE_END]
     wider = ti.cast(touch.length[q, f.REACH], touch.real)
@@ -279,8 +295,9 @@ def find(touch: ti.template(), q, t, threads, per_cell):
                     lo, hi = ti.min(lo, b), ti.max(hi, b)
                 if is_crowded(touch, q, body, lo, hi):
                     begun = n
-                    low_cell = ti.floor((lo - wider) * per_cell, ti.i32)
-                    size = ti.floor((hi + wider) * per_cell, ti.i32) - low_cell + 1
+                    size, low_cell = cells_of(lo - wider, hi + wider, per_cell)
+                    if size[0] == 0:
+                        touch.most[own, f.BLOWN] = 1.0
                     for cell in range(size[0] * size[1] * size[2]):
                         x, y = cell % size[0], cell // size[0] % size[1]
                         at = low_cell + ti.Vector([x, y, cell // (size[0] * size[1])])
@@ -360,12 +377,17 @@ def search(s: ti.template(), touch: ti.template(), scene, q, t, threads, phase, 
             find(touch, q, t, threads, per_cell)
         phase += 1
         meet(s, scene, phase, threads)
-        again = 0
-        if touch.order[q, f.FULL] and margin > 0.02 * thick:
+        again, blown = 0, 0
+        for k in range(threads):
+            if is_near and touch.most[touch.order[q, f.THREAD] + k, f.BLOWN] > 0.0:
+                blown = 1
+        if touch.order[q, f.FULL] and margin > 0.02 * thick and blown == 0:
             again = 1
             margin *= 0.5
         if t == 0 and again == 0:
-            if is_near:
+            if blown:
+                touch.order[q, f.COUNT] = 0
+            elif is_near:
                 touch.order[q, f.COUNT] = fill_slots(touch, q, threads)
             touch.order[q, f.BUILT] = threads
             touch.order[q, f.BUILDS] = touch.order[q, f.BUILDS] + 1
