@@ -39,3 +39,16 @@ def turn(axis, degrees):
     K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     t = np.radians(degrees)
     return np.eye(3) + np.sin(t) * K + (1 - np.cos(t)) * K @ K
+
+
+def prongs(gap, base=0.1, length=0.4, wide=0.1, thick=0.08):
+    """Two prongs along x on a base, side by side in y: 16 points, 28 triangles."""
+    far, top = base + length, 2 * wide + gap
+    outline = [(0, 0), (far, 0), (far, wide), (base, wide)]
+    outline += [(base, wide + gap), (far, wide + gap), (far, top), (0, top)]
+    points = np.array([(x, y, z) for z in (0, thick) for x, y in outline], float)
+    cap = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 7], [4, 5, 6], [4, 6, 7]])
+    i = np.arange(8)
+    j = (i + 1) % 8
+    walls = [np.stack([i, j, j + 8], axis=1), np.stack([i, j + 8, i + 8], axis=1)]
+    return points, np.concatenate([cap[:, ::-1], cap + 8, *walls])

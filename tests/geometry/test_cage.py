@@ -3,7 +3,7 @@
 import meshio
 import numpy as np
 import pytest
-from surfaces import block, sphere, turn
+from surfaces import block, prongs, sphere, turn
 
 import tisoft as ts
 from tisoft.check.meshes import mesh_notes
@@ -208,6 +208,8 @@ def test_check_tells_what_a_cage_cannot_do():
     assert "has 1.6 cells through its thinnest part: that bends about 19 % too stiffly" in told
     assert "is held by pin[0] within half a cell" in told
     assert "cells of 0.025 x 0.025 x 0.025 m along the world's axes" in told
+    forked = scene.add_body(ts.cage(*prongs(0.006), size=0.0187), body.model, "fork")
+    assert " of which hold parts that do not touch" in "\n".join(mesh_notes(forked))
     fitted = ts.Scene()
     fitted.add_body(ts.cage(points, triangles, cells_across=1), body.model)
     assert not [line for line in warnings_of(fitted) if "thinnest" in line]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.sparse import coo_array, diags
 from scipy.sparse.linalg import eigsh, spsolve
-from surfaces import block, sphere, turn
+from surfaces import block, prongs, sphere, turn
 
 import tisoft as ts
 from tisoft.geometry.cage.build import caged
@@ -23,10 +23,10 @@ FIRST = 0.9995
 """Of the beam, 1 × .2 × .2 m, E = 1e6 [Hz]."""
 
 
-def matrices(mesh, young):
+def matrices(mesh, young, poisson=0.3):
     """Nodes, K [N/m] and masses of the components [kg], and the guaranteed bound of ω² [1/s²]."""
     scene = ts.Scene()
-    model = ts.Linear(young, 0.3, 1000.0)
+    model = ts.Linear(young, poisson, 1000.0)
     scene.add_body(mesh, model)
     (part,) = parts_of(scene.bodies)
     (cells,) = part.solids
@@ -68,6 +68,36 @@ def test_a_caged_beam_is_the_beam_of_hexes(across, error):
     assert 100 * (found / FIRST - 1) == pytest.approx(error, abs=0.1)
 
 
+@pytest.mark.parametrize("gap, offset", [(0.3, 0.65), (0.02, 0.3)])
+def test_prongs_a_fraction_of_a_cell_apart_stay_two(gap, offset):
+    """5 × 4 × 20 cells each, on a base, beside hexahedra fitted to them, 50 × 20 × 8 (ours): one
+    element a cell would glue the prongs and ring up to 276 % too high.
+    """
+    fine = {0.3: [0.91105, 1.06308, 1.32352, 1.36241], 0.02: [0.90344, 1.08871, 1.31664, 1.37452]}
+    edge = 0.02
+    points, triangles = prongs(gap * edge)
+    low = np.array([0.0, -offset * edge, 0.0])
+    cells = np.ceil((points.max(axis=0) - low) / edge - 1e-9).astype(int)
+    mesh = caged(points, triangles, Lattice(np.eye(3), low, np.full(3, edge), cells))
+    assert mesh.elements > len(np.unique(mesh.cage.cells, axis=0)) + 70
+    assert mesh.volumes.sum() == pytest.approx(0.08 * (0.1 * points[:, 1].max() + 0.08))
+    x, K, mass, _ = matrices(mesh, 3e5, 0.4)
+    free = np.repeat(x[:, 0] > 1e-9, 3)
+    found = frequencies(K[free][:, free], mass[free], 4)
+    errors = 100 * (found / fine[gap] - 1)
+    assert errors[0] == pytest.approx(0.4, abs=0.3)
+    assert np.abs(errors).max() < 3.5
+    # What is drawn of one prong goes with that one alone.
+    skin = mesh.cage.skin
+    ends = skin.carried(mesh.points)
+    tips = np.abs(ends[:, 0] - 0.5) < 1e-9
+    lower, upper = (
+        np.unique(skin.corners[tips & side])
+        for side in (ends[:, 1] < 0.1 + 1e-9, ends[:, 1] > 0.1 + 1e-9)
+    )
+    assert not len(np.intersect1d(lower, upper))
+
+
 def floating(K, x, f):
     """u of a free body under forces f [N] that balance, shape (3 nodes,)."""
     far = x[:, 0].argmin(), x[:, 0].argmax(), x[:, 1].argmax()
@@ -86,7 +116,7 @@ def end_moments(mesh, R, order):
     total = np.zeros((len(mesh.points), 3))
     for end, sign in ((0.0, -1.0), (1.0, 1.0)):
         faces = carried.within(np.abs(own[:, 0] - end) < 1e-9)
-        pieces, nodes = carried._pieces(faces)
+        pieces, _, nodes = carried._pieces(faces)
         at = np.einsum("qc,tcd->tqd", POINTS, pieces.points)
         z = (mesh.cage.lattice.world(at) @ R)[..., 2] - 0.1
         sides = (pieces.points[:, 1:] - pieces.points[:, :1]) @ carried._edges

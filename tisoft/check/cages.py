@@ -82,7 +82,15 @@ def cage_notes(body: Body) -> Iterator[str]:
     axes = "axes of its own" if lattice.is_turned else "the world's axes"
     part = float((cage.moments[:, 0] < 1.0 - 1e-9).mean())
     fit = "which it fits exactly" if part == 0.0 else f"{100 * part:.0f} % of them filled in part"
+    shared = _shared(cage)
+    several = f", {shared} of which hold parts that do not touch, each for itself" if shared else ""
     yield (
-        f"is carried by {len(cage.cells)} cells of {size} m along {axes}, {fit}; its surface has "
-        f"{len(cage.skin.triangles)} triangles"
+        f"is carried by {len(cage.cells)} cells of {size} m along {axes}, {fit}{several}; "
+        f"its surface has {len(cage.skin.triangles)} triangles"
     )
+
+
+def _shared(cage: Cage) -> int:
+    """Places of the lattice with several hexahedra."""
+    uses = np.unique(cage.cells, axis=0, return_counts=True)[1]
+    return int((uses > 1).sum())

@@ -1,7 +1,9 @@
 """A closed surface in a lattice of hexahedra that carries it.
 
 Cells that the surface fills in part count by their exact moments: volume, mean gradient and mass
-are those of the filled part (`elements.hex8`).  The surface moves with its cells: x = Σ N_a(ξ) x_a.
+are those of the filled part (`elements.hex8`).  Where parts that do not touch share a cell, each
+has a hexahedron of its own there (`connected`).  The surface moves with its cells:
+x = Σ N_a(ξ) x_a.
 """
 
 from __future__ import annotations
@@ -12,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft.errors import MeshError
-from tisoft.geometry.cage.carried import CORNER, shares
-from tisoft.geometry.cage.cutting import cut
+from tisoft.geometry.cage.carried import shares
+from tisoft.geometry.cage.connected import Elements, elements
+from tisoft.geometry.cage.cutting import Pieces, cut
 from tisoft.geometry.cage.lattice import Lattice, fitted
 from tisoft.geometry.cage.masses import balanced
 from tisoft.geometry.cage.moments import filled
@@ -28,6 +31,8 @@ Rows = NDArray[np.int64]
 
 LEAST_FILL = 0.01
 """Fill below which a cell is left out."""
+SAME = 1e-8
+"""Distance, in cells, within which a corner of a piece is a point of the surface."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +42,7 @@ class Cage:
     lattice: Lattice
     """As it was built."""
     cells: Rows
-    """Place of each hexahedron in the lattice, shape (hexes, 3)."""
+    """Place of each hexahedron in the lattice, shape (hexes, 3); those of several have one."""
     moments: Floats
     """φ and means over the filled part of each hexahedron (`moments`), shape (hexes, 7)."""
     factor: Floats
@@ -46,6 +51,9 @@ class Cage:
     """The surface."""
     inertia_error: float
     """Largest relative error of the three moments of inertia."""
+    strays: Rows
+    """Triangle, cell and hexahedron where a part of the surface does not belong to the one
+    hexahedron of its cell: there are several or none; shape (strays, 5)."""
 
 
 def cage(
@@ -79,47 +87,94 @@ def cage(
 
 def caged(points: Floats, triangles: Rows, lattice: Lattice) -> SolidMesh:
     """The cells of a lattice that a closed surface (as of `closed`) fills.  Raises MeshError."""
+    body = solid_moments(lattice.local(points) * lattice.size, triangles)
+    points, triangles = split_long(points, triangles, float(lattice.size.max()))
     local = lattice.local(points)
-    fill = filled(cut(local, triangles, lattice.cells), lattice)
-    keep = fill.moments[:, 0] >= LEAST_FILL
+    pieces = cut(local, triangles, lattice.cells)
+    fill = filled(pieces, lattice)
+    found = elements(pieces, fill, lattice)
+    keep = found.moments[:, 0] >= LEAST_FILL
     if not keep.any():
         raise MeshError("no cell is filled by 1 % or more: take smaller cells")
-    cells, moments = fill.cells[keep], fill.moments[keep]
-    nodes, corners = _numbered(cells, lattice)
-    fills = np.repeat(moments[:, 0] / 8.0, 8)
-    weights: Floats = np.bincount(corners.ravel(), fills, len(nodes)).astype(np.float64)
+    cells, moments = fill.cells[found.cell[keep]], found.moments[keep]
+    used, index = np.unique(found.corners[keep], return_inverse=True)
+    nodes, corners = found.places[used], index.reshape(-1, 8)
+    weights: Floats = np.bincount(
+        corners.ravel(), np.repeat(moments[:, 0] / 8.0, 8), len(nodes)
+    ).astype(np.float64)
     weights *= lattice.size.prod()
-    body = solid_moments(local * lattice.size, triangles)
     factor, left = balanced(nodes * lattice.size, weights, body)
-    fine = split_long(points, triangles, float(lattice.size.max()))
-    skin = Skin(fine[1].astype(np.int32), *_carried(lattice.local(fine[0]), cells, corners))
+    owner = _kept(found, fill.cells[found.cell], keep, pieces)
+    own = _owners(local, triangles, pieces, owner, keep[found.owner])
+    lost = own < 0  # corners of triangles without an area alone
+    own[lost] = _nearest(local[lost], cells)
+    skin = Skin(
+        triangles.astype(np.int32), corners[own].astype(np.int32), shares(local - cells[own])
+    )
     return SolidMesh(
         lattice.world(nodes),
         np.arange(len(nodes)),
         hexes=corners[:, LATTICE].astype(np.int32),
-        cage=Cage(lattice, cells, moments, factor, skin, left),
+        cage=Cage(lattice, cells, moments, factor, skin, left, _strays(pieces, owner, cells)),
         checked=True,
     )
 
 
-def _numbered(cells: Rows, lattice: Lattice) -> tuple[Floats, Rows]:
-    """Nodes in cells from the origin, and those of each cell, in the order of a lattice."""
-    nx, ny, _ = lattice.cells + 1
-    at = cells[:, None] + CORNER
-    keys, index = np.unique(at[..., 0] + nx * (at[..., 1] + ny * at[..., 2]), return_inverse=True)
-    places = np.stack([keys % nx, keys // nx % ny, keys // nx // ny], axis=1)
-    return places.astype(np.float64), index.reshape(-1, 8)
-
-
-def _carried(local: Floats, cells: Rows, corners: Rows) -> tuple[NDArray[np.int32], Floats]:
-    """Nodes that carry points given in cells, and their shares; points in no cell of the cage hang
-    on the nearest.
+def _kept(found: Elements, cells: Rows, keep: NDArray[np.bool_], pieces: Pieces) -> Rows:
+    """The hexahedron that carries each piece: its own, or where that is left out one that the body
+    goes on to from it, of several the fullest, or else the nearest.
     """
+    instead = np.where(keep, np.arange(len(keep)), -1)
+    pairs = np.concatenate([found.links, found.links[:, ::-1]])
+    pairs = pairs[np.argsort(found.moments[pairs[:, 1], 0], kind="stable")]
+    while True:
+        pairs = pairs[instead[pairs[:, 0]] < 0]
+        known = pairs[instead[pairs[:, 1]] >= 0]
+        if not len(known):
+            break
+        instead[known[:, 0]] = instead[known[:, 1]]
+    number = np.cumsum(keep) - 1
+    owner = np.where(found.owner >= 0, instead[found.owner], -1)
+    lost = owner < 0
+    owner = number[owner]
+    owner[lost] = _nearest(pieces.points[lost].mean(axis=1), cells[keep])
+    return np.asarray(owner)
+
+
+def _owners(
+    local: Floats, triangles: Rows, pieces: Pieces, owner: Rows, own: NDArray[np.bool_]
+) -> Rows:
+    """The hexahedron that carries each point: that of a piece it is a corner of, rather of one in a
+    cell that is kept; −1 where there is none.
+    """
+    found = np.full(len(local), -1)
+    corners = triangles[pieces.parents]
+    order = np.argsort(own, kind="stable")
+    for corner in range(3):
+        ends = local[corners[:, corner]]
+        for place in range(3):
+            same = np.abs(pieces.points[:, place] - ends).max(axis=1) <= SAME
+            mine = order[same[order]]
+            found[corners[mine, corner]] = owner[mine]
+    return found
+
+
+def _nearest(local: Floats, cells: Rows) -> Rows:
+    """The nearest cell of places."""
     from scipy.spatial import cKDTree  # SciPy is slow to import
 
-    tree = cKDTree(cells + 0.5)
-    own = tree.query(local, p=np.inf)[1]
-    return corners[own].astype(np.int32), shares(local - cells[own])
+    return np.asarray(cKDTree(cells + 0.5).query(local, p=np.inf)[1])
+
+
+def _strays(pieces: Pieces, owner: Rows, cells: Rows) -> Rows:
+    """`Cage.strays`."""
+    size = cells.max(axis=0) + 2
+    keys = [c[:, 0] + size[0] * (c[:, 1] + size[1] * c[:, 2]) for c in (cells, pieces.cells)]
+    known, uses = np.unique(keys[0], return_counts=True)
+    alone = known[uses == 1]
+    stray = (keys[1] != keys[0][owner]) | ~np.isin(keys[1], alone)
+    rows = np.column_stack([pieces.parents, pieces.cells, owner])[stray]
+    return np.unique(rows, axis=0) if len(rows) else np.empty((0, 5), np.int64)
 
 
 def split_long(points: Floats, triangles: Rows, longest: float) -> tuple[Floats, Rows]:

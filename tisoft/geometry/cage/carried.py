@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from tisoft.geometry.cage.connected import CORNER
 from tisoft.geometry.cage.cutting import Pieces, cut
 from tisoft.geometry.cage.moments import POINTS, WEIGHTS
 from tisoft.geometry.cells import LATTICE
@@ -29,8 +30,6 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
-CORNER = np.array([[c & 1, c >> 1 & 1, c >> 2] for c in range(8)])
-"""Corners of a cell in the order of a lattice."""
 NEAR = 0.5
 """Distance, in cells, within which a node holds a patch that lies on no plane of the lattice."""
 FLAT = 1e-6
@@ -79,7 +78,7 @@ class Carried:
 
     def area_shares(self, triangles: Rows) -> Floats:
         """∫ N_a dA over triangles at rest [m²], shape (nodes,)."""
-        pieces, nodes = self._pieces(triangles)
+        pieces, _, nodes = self._pieces(triangles)
         sides = (pieces.points[:, 1:] - pieces.points[:, :1]) @ self._edges
         areas = 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
         each = areas[:, None] * self._means(pieces)
@@ -89,7 +88,7 @@ class Carried:
         """How a pressure acts on triangles: rows (i, j, k) of nodes and numbers c with ∫ N_i n dA =
         Σ c (x_j − x_i) × (x_k − x_i), shapes (rows, 3) and (rows,).
         """
-        pieces, nodes = self._pieces(triangles)
+        pieces, _, nodes = self._pieces(triangles)
         own, index = np.unique(nodes, axis=0, return_inverse=True)
         index = index.reshape(-1)
         total = np.zeros((len(own), 8, len(PAIRS)))
@@ -107,15 +106,31 @@ class Carried:
         numbers = total.reshape(len(own), -1)[:, keep].ravel()
         return own[:, three].reshape(-1, 3), numbers
 
-    def _pieces(self, triangles: Rows) -> tuple[Pieces, Rows]:
-        """Pieces of triangles, with the cells of the cage that carry them and their nodes."""
-        from scipy.spatial import cKDTree  # SciPy is slow to import
-
+    def _pieces(self, triangles: Rows) -> tuple[Pieces, Rows, Rows]:
+        """Pieces of triangles in the cells of the hexahedra that carry them, these hexahedra, and
+        their nodes.
+        """
         rows = self.skin.triangles[triangles].astype(np.int64)
         pieces = cut(self._points, rows, self.cage.lattice.cells)
-        own = cKDTree(self.cage.cells + 0.5).query(pieces.points.mean(axis=1), p=np.inf)[1]
+        own = self._carriers(triangles[pieces.parents], pieces.cells)
         nodes = self.mesh.hexes[:, LATTICE][own].astype(np.int64)
-        return Pieces(pieces.points, pieces.parents, self.cage.cells[own]), nodes
+        return Pieces(pieces.points, pieces.parents, self.cage.cells[own]), own, nodes
+
+    def _carriers(self, triangles: Rows, cells: Rows) -> Rows:
+        """The hexahedra that carry what of triangles lies in cells."""
+        nx, ny, nz = self.cage.lattice.cells
+        keys = [c @ np.array([1, nx, nx * ny]) for c in (self.cage.cells, cells)]
+        order = np.argsort(keys[0])
+        found = order[np.minimum(np.searchsorted(keys[0][order], keys[1]), len(order) - 1)]
+        stray = self.cage.strays
+        if len(stray):
+            whole = nx * ny * nz
+            known = stray[:, 0] * whole + stray[:, 1:4] @ np.array([1, nx, nx * ny])
+            wanted = triangles * whole + keys[1]
+            order = np.argsort(known)
+            at = order[np.minimum(np.searchsorted(known[order], wanted), len(order) - 1)]
+            found = np.where(known[at] == wanted, stray[at, 4], found)
+        return np.asarray(found)
 
     @staticmethod
     def _means(pieces: Pieces) -> Floats:
@@ -136,10 +151,14 @@ class Carried:
 
         picked = np.zeros(len(self._points), bool)
         picked[points] = True
-        pieces, _ = self._pieces(self.within(picked))
+        pieces, _, nodes = self._pieces(self.within(picked))
         samples = np.concatenate([self._points[points], pieces.points.reshape(-1, 3)])
         away = cKDTree(samples).query(self.places, p=np.inf)[0]
-        return np.flatnonzero(away <= NEAR * (1.0 + 1e-6))
+        # Not what lies beyond a gap: nodes of the cells that carry the patch and of those beside.
+        near = np.zeros(len(self.places), bool)
+        near[nodes] = near[self.skin.corners[points]] = True
+        near[self.mesh.hexes[near[self.mesh.hexes].any(axis=1)]] = True
+        return np.flatnonzero((away <= NEAR * (1.0 + 1e-6)) & near)
 
     def outermost(self) -> Rows:
         """Points of the surface that stand for it where it is met: of each part of a cell the one

@@ -120,7 +120,8 @@ def _heaviest(normals: Floats, areas: Floats) -> Floats:
     """Mean normal of the group, up to sign, with the largest area."""
     sign = np.sign(normals[np.arange(len(normals)), np.abs(normals).argmax(axis=1)])
     one_way = normals * sign[:, None]
-    _, group = np.unique(np.round(20.0 * one_way), axis=0, return_inverse=True)
+    spot = np.round(20.0 * one_way).astype(np.int64)
+    _, group = np.unique(spot @ [1, 100, 10000], return_inverse=True)
     group = group.reshape(-1)
     chosen = group == np.bincount(group, areas).argmax()
     mean = areas[chosen] @ one_way[chosen]
