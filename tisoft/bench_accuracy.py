@@ -97,10 +97,11 @@ def _at_rest(mesh: Mesh, poisson: float) -> tuple[float, float, float]:
 
     (part,) = parts_of(beam(mesh, poisson).bodies)
     elastic: Any = AtRest(part)
+    stiffness = elastic.stiffness()
     points = mesh.points[part.order]
     held = np.repeat(points[:, 0] < 1e-9, 3)
     end = points[:, 0] > SHAPE[0] - 1e-9
-    factor = splu(elastic.stiffness[~held][:, ~held].tocsc())
+    factor = splu(stiffness[~held][:, ~held].tocsc())
     load = np.zeros_like(points)
     faces = mesh.boundary.within(mesh.points[:, 0] > SHAPE[0] - 1e-9)
     load[:, 2] = -mesh.boundary.area_shares(mesh.points, faces)[part.order] / (0.2 * 0.2)
@@ -110,11 +111,11 @@ def _at_rest(mesh: Mesh, poisson: float) -> tuple[float, float, float]:
     arm = points[end] - [SHAPE[0], 0.1, 0.1]
     turned[end] = np.stack([0.0 * arm[:, 0], -arm[:, 2], arm[:, 1]], axis=1)
     moved = held | np.repeat(end, 3)
-    free = splu(elastic.stiffness[~moved][:, ~moved].tocsc())
+    free = splu(stiffness[~moved][:, ~moved].tocsc())
     u = turned.ravel()
-    u[~moved] = -free.solve((elastic.stiffness @ u)[~moved])
+    u[~moved] = -free.solve((stiffness @ u)[~moved])
     step = SHARE * sharp_limit(part, integrator="symplectic-euler", elastic=elastic).step
-    return work, float(u @ (elastic.stiffness @ u)), step
+    return work, float(u @ (stiffness @ u)), step
 
 
 def _substep(mesh: Mesh, step: float, arch: str) -> float:

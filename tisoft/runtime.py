@@ -15,6 +15,7 @@ ARCHS = ("cpu", "cuda", "metal", "vulkan", "auto")
 
 _started: str | None = None
 _pool: Any = None
+_kernels: dict[Any, Any] = {}
 generation = 0
 """How often Taichi was started; fields and kernels of an older start are dead."""
 
@@ -107,6 +108,14 @@ def pool(kind: Any) -> Any:
     if _pool is None:
         _pool = kind()
     return _pool
+
+
+def kernels_of_laws() -> dict[Any, Any]:
+    """Kernels that close over no fields, by what they compute, of this start of Taichi."""
+    if _kernels.get("generation") != generation:
+        _kernels.clear()
+        _kernels["generation"] = generation
+    return _kernels
 
 
 compilations = 0

@@ -50,6 +50,14 @@ class Pattern:
         return sparse.csc_matrix((data, self._rows, self._starts), shape=shape)
 
 
+def diagonal_blocks(matrix: sparse.csc_matrix) -> Floats:
+    """The 3×3 blocks on a matrix's diagonal, shape (nodes, 3, 3)."""
+    blocks = matrix.tobsr((3, 3))
+    rows = np.repeat(np.arange(matrix.shape[0] // 3), np.diff(blocks.indptr))
+    found: Floats = blocks.data[blocks.indices == rows].copy()
+    return found
+
+
 def consistent_mass(part: Part) -> sparse.csc_matrix:
     """Consistent mass [kg] between a body's nodes, shape (nodes, nodes); the same for each axis.
 

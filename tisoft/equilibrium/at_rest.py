@@ -22,13 +22,18 @@ class AtRest:
     def __init__(self, part: Part) -> None:
         self.part = part
         self.nodes = len(part.order)
-        self.stiffness = _matrix(part, "elastic")
+        self.mass = part.mass
+        self._matrix = _matrix(part, "elastic")
         self._viscosity = _matrix(part, "viscous") if part.is_viscous() else None
 
     def stiffness_times(self, w: Floats, u: Floats | None = None) -> Floats:
         """K w [N], shape (nodes, 3)."""
-        product: Floats = (self.stiffness @ w.ravel()).reshape(-1, 3)
+        product: Floats = (self._matrix @ w.ravel()).reshape(-1, 3)
         return product
+
+    def stiffness(self, u: Floats | None = None) -> sparse.csc_matrix:
+        """K at rest [N/m], unknown 3 node + axis."""
+        return self._matrix.tocsc()
 
     def viscosity_times(self, w: Floats, u: Floats | None = None) -> Floats:
         """C w [N] of φ and η, shape (nodes, 3)."""

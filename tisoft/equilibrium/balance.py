@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from tisoft.equilibrium.operators import Elastic
+from tisoft.equilibrium.operators import operators_of
 from tisoft.errors import NoEquilibrium
 from tisoft.loads import Load
 from tisoft.model.part import Part
@@ -75,7 +75,7 @@ class Balance:
     def __init__(self, part: Part, time: float, dead: Floats) -> None:
         self.part = part
         self.time = time
-        self.elastic = Elastic(part)
+        self.elastic = operators_of(part)
         self.held = held_axes(part, time)
         self.free = ~self.held
         self.rest = part.body.mesh.points[part.order]

@@ -19,7 +19,7 @@ from tisoft.body import Body
 from tisoft.checks import FieldError, inside
 from tisoft.equilibrium.balance import held_axes
 from tisoft.equilibrium.modes import body_modes
-from tisoft.equilibrium.operators import Elastic, Floats
+from tisoft.equilibrium.operators import Elastic, Floats, operators_at_rest
 from tisoft.model.part import Part, parts_of
 from tisoft.models.materials import MassSpring, Model, SolidModel
 from tisoft.scene import Scene
@@ -97,7 +97,7 @@ def replace_model(body: Body, model: Model) -> Body:
 def first_mode(part: Part) -> tuple[float | None, Floats | None]:
     """The lowest frequency above 0 [Hz] and its shape (nodes, 3), or None among LOOKED_AT modes."""
     frequencies, shapes = body_modes(
-        Elastic(part),
+        operators_at_rest(part),
         LOOKED_AT,
         free=~held_axes(part, 0.0),
         mass="consistent" if part.is_consistent else "lumped",

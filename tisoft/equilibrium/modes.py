@@ -18,8 +18,10 @@ from scipy import linalg, sparse
 from scipy.sparse.linalg import ArpackNoConvergence, eigsh, splu
 
 from tisoft.checks import FieldError
+from tisoft.equilibrium.at_rest import AtRest
 from tisoft.equilibrium.balance import held_axes
-from tisoft.equilibrium.operators import Elastic
+from tisoft.equilibrium.operators import Elastic, operators_at_rest, operators_of
+from tisoft.equilibrium.pointwise import Pointwise
 from tisoft.equilibrium.statics import HasScene, equilibrium, scene_of
 from tisoft.errors import Diverged
 from tisoft.model.part import parts_of
@@ -81,10 +83,11 @@ def natural_modes(
     parts = parts_of(scene.bodies)
     count = sum(len(part.order) for part in parts)
     u = _displacements(scene, about, count)
-    time = 0.0 if isinstance(about, str) and about == "rest" else scene.duration
+    at_rest = isinstance(about, str) and about == "rest"
+    time = 0.0 if at_rest else scene.duration
     frequencies, shapes = [np.empty(0)], [np.empty((0, count, 3))]
     for part in parts:
-        elastic = Elastic(part)
+        elastic = operators_at_rest(part) if at_rest else operators_of(part)
         kind = mass or ("consistent" if part.is_consistent else "lumped")
         free = ~held_axes(part, time)
         own, inside = body_modes(elastic, n, free=free, mass=kind, u=u[part.nodes][part.order])
@@ -114,7 +117,12 @@ def _displacements(scene: Scene, about: Any, count: int) -> Floats:
 
 
 def body_modes(
-    elastic: Elastic, n: int, *, free: NDArray[np.bool_], mass: Mass, u: Floats | None = None
+    elastic: Elastic | Pointwise | AtRest,
+    n: int,
+    *,
+    free: NDArray[np.bool_],
+    mass: Mass,
+    u: Floats | None = None,
 ) -> tuple[Floats, Floats]:
     """Frequencies [Hz] and shapes (modes, nodes, 3) of one body, inside order.
 

@@ -17,8 +17,10 @@ from scipy import sparse
 from tisoft import runtime
 from tisoft.body import Body
 from tisoft.equilibrium import assembly, kernels
+from tisoft.equilibrium.at_rest import AtRest
+from tisoft.equilibrium.pointwise import Pointwise, is_pointwise
 from tisoft.model.cells import Cells, cells_of
-from tisoft.model.part import Part
+from tisoft.model.part import Part, parts_of
 from tisoft.model.system import System
 from tisoft.models.materials import Linear, MassTensor
 
@@ -136,14 +138,24 @@ class Elastic:
 
     def stiffness_blocks(self, u: Floats) -> Floats:
         """The 3×3 blocks on the diagonal of K(u) [N/m], shape (nodes, 3, 3)."""
-        matrix = self.stiffness(u).tobsr((3, 3))
-        rows = np.repeat(np.arange(self.nodes), np.diff(matrix.indptr))
-        blocks: Floats = matrix.data[matrix.indices == rows].copy()
-        return blocks
+        return assembly.diagonal_blocks(self.stiffness(u))
 
     def consistent_mass(self) -> sparse.csc_matrix:
         """Consistent mass [kg] between nodes; that of springs is diagonal."""
         return assembly.consistent_mass(self.part)
+
+
+def operators_of(part: Part) -> Elastic | Pointwise:
+    """What statics computes one body with: kernels of its elements, or of its law alone."""
+    plain = part
+    if part.is_tensor:
+        plain = parts_of([plain_body(part.body)])[0]
+    return Pointwise(plain) if is_pointwise(plain) else Elastic(part)
+
+
+def operators_at_rest(part: Part) -> Elastic | AtRest:
+    """What the modes about rest are computed with: no kernel but for springs."""
+    return AtRest(part) if part.solids else Elastic(part)
 
 
 def plain_body(body: Body) -> Body:

@@ -1,0 +1,171 @@
+"""Operators of tets whose law is looked at point by point: f(u), K(u), V(u), in f64.
+
+    H = D u,   f = −Dᵀ (V P(H)),   K = Dᵀ (V ∂P/∂F) D,   V(u) = Σ V Ψ(H)
+
+D, which holds ∇N of all points, is a sparse matrix; only the law is a kernel, so that an element of
+ten nodes compiles no longer than one of four.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from tisoft import runtime
+from tisoft.elements.tet4 import Tet4
+from tisoft.elements.tet10 import Quadratic
+from tisoft.equilibrium import assembly
+from tisoft.equilibrium.at_points import law_kernel
+from tisoft.model.part import Part
+
+Floats = NDArray[np.float64]
+
+MOST_POINTS = 60_000
+"""Above, kernels of the whole element are worth their compiling."""
+
+
+def is_pointwise(part: Part) -> bool:
+    """Whether all of the body's cells are tets, and few enough."""
+    kinds = all(issubclass(cells.element, Tet4 | Quadratic) for cells in part.solids)
+    points = sum(len(cells.nodes) * cells.element.points for cells in part.solids)
+    return bool(part.solids) and kinds and points <= MOST_POINTS
+
+
+class Pointwise:
+    """Operators of one body with tets; see `operators.Elastic`."""
+
+    def __init__(self, part: Part) -> None:
+        self.part = part
+        self.nodes = len(part.order)
+        self.rest = part.rest
+        self.mass = part.mass
+        self.law = part.solid_law
+        shares = [_Share(cells, self.law) for cells in part.solids]
+        self._shares = shares
+        self._rows = sparse.vstack([share.slopes(self.nodes) for share in shares], format="csr")
+        self._columns = self._rows.T.tocsr()
+        self._volumes = np.concatenate([share.volumes.ravel() for share in shares])
+        self._material = np.concatenate([share.material for share in shares])
+        self._pattern = assembly.Pattern(self.nodes, [cells.nodes for cells in part.solids])
+        self._u = np.zeros((self.nodes, 3))
+        self._tangents: Floats | None = None
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether the law holds for large rotations."""
+        return bool(self.law.is_finite)
+
+    def _gradient(self, u: Floats) -> Floats:
+        """H at all points, shape (points, 3, 3): row i of it is the gradient of u_i."""
+        return np.asarray((self._rows @ u).reshape(-1, 3, 3).transpose(0, 2, 1))
+
+    def _at_points(self, what: str, H: Floats, width: int) -> Floats:
+        out = np.empty((len(H), width))
+        rows = np.ascontiguousarray(H.reshape(-1, 9))
+        _kernel(self.law, what, self._material.shape[1])(rows, self._material, out)
+        return out
+
+    def _spread(self, stresses: Floats) -> Floats:
+        """Dᵀ (V P), shape (nodes, 3)."""
+        weighted = stresses.reshape(-1, 3, 3) * self._volumes[:, None, None]
+        return np.asarray(self._columns @ weighted.transpose(0, 2, 1).reshape(-1, 3))
+
+    def look(self, u: Floats) -> None:
+        """Choose the state u of the products that follow."""
+        if self._tangents is None or not np.array_equal(u, self._u):
+            self._u, self._tangents = u.copy(), None
+
+    def _tangent(self) -> Floats:
+        """∂P/∂F of the points at the state looked at, shape (points, 9, 9)."""
+        if self._tangents is None:
+            H = self._gradient(self._u)
+            self._tangents = self._at_points("tangent", H, 81).reshape(-1, 9, 9)
+        return self._tangents
+
+    def force(self, u: Floats) -> Floats:
+        """Elastic forces f(u) = −∂V/∂u [N], shape (nodes, 3)."""
+        return -self._spread(self._at_points("stress", self._gradient(u), 9))
+
+    def stiffness_times(self, w: Floats, u: Floats | None = None) -> Floats:
+        """K(u) w [N], shape (nodes, 3); without u, at the state looked at."""
+        if u is not None:
+            self.look(u)
+        G = self._gradient(w).reshape(-1, 9, 1)
+        return self._spread(np.matmul(self._tangent(), G))
+
+    def energy(self, u: Floats) -> float:
+        """Elastic energy V(u) [J]."""
+        densities = self._at_points("energy", self._gradient(u), 1)[:, 0]
+        return float(self._volumes @ densities)
+
+    def least_volume_change(self, u: Floats) -> float:
+        """Smallest det F over all points."""
+        return float(np.linalg.det(np.eye(3) + self._gradient(u)).min())
+
+    def stiffness(self, u: Floats) -> sparse.csc_matrix:
+        """K(u) [N/m] as a sparse matrix, unknown 3 node + axis."""
+        self.look(u)
+        tangents, begun, matrices = self._tangent(), 0, []
+        for share in self._shares:
+            count = share.volumes.size
+            matrices.append(share.matrices(tangents[begun : begun + count]))
+            begun += count
+        return self._pattern.matrix(matrices)
+
+    def stiffness_blocks(self, u: Floats) -> Floats:
+        """The 3×3 blocks on the diagonal of K(u) [N/m], shape (nodes, 3, 3)."""
+        return assembly.diagonal_blocks(self.stiffness(u))
+
+    def consistent_mass(self) -> sparse.csc_matrix:
+        """Consistent mass [kg] between nodes."""
+        return assembly.consistent_mass(self.part)
+
+
+class _Share:
+    """Cells of one element and material."""
+
+    def __init__(self, cells: Any, law: Any) -> None:
+        self.nodes = cells.nodes
+        self.gradients = cells.gradients
+        quadratic = issubclass(cells.element, Quadratic)
+        whole = cells.element.at_points(cells.rest)[1] if quadratic else cells.volume[:, None]
+        self.volumes = np.asarray(whole, np.float64)
+        numbers = np.array(law.constants(*cells.elastic), np.float64)
+        self.material = np.tile(numbers, (self.volumes.size, 1))
+
+    def slopes(self, nodes: int) -> sparse.csr_matrix:
+        """D of these cells, shape (3 points, nodes): row 3 q + j has ∂N/∂x_j."""
+        cells, points, corners, _ = self.gradients.shape
+        values = self.gradients.transpose(0, 1, 3, 2).ravel()
+        columns = np.repeat(self.nodes, 3 * points, axis=0).ravel()
+        starts = np.arange(0, len(values) + 1, corners)
+        return sparse.csr_matrix((values, columns, starts), shape=(3 * cells * points, nodes))
+
+    def matrices(self, tangents: Floats) -> Floats:
+        """K_e [N/m], shape (cells, 3 corners, 3 corners):
+        K_aibj = Σ_q V_q ∂_k N_a A_ikjl ∂_l N_b.
+        """
+        cells, points, corners, _ = self.gradients.shape
+        g = self.gradients
+        weighted = (g * self.volumes[:, :, None, None]).transpose(0, 1, 3, 2)
+        A = tangents.reshape(cells, points, 27, 3)
+        right = np.matmul(A, np.ascontiguousarray(g.transpose(0, 1, 3, 2)))  # ikj b
+        right = right.reshape(cells, points, 3, 3, 3, corners).transpose(0, 1, 3, 2, 4, 5)
+        right = right.reshape(cells, 3 * points, 9 * corners)
+        left = weighted.reshape(cells, 3 * points, corners).transpose(0, 2, 1)
+        size = 3 * corners
+        whole = np.matmul(left, right).reshape(cells, corners, 3, 3, corners)
+        return np.asarray(whole.transpose(0, 1, 2, 4, 3).reshape(cells, size, size))
+
+
+def _kernel(law: Any, what: str, columns: int) -> Any:
+    if not runtime.generation:
+        runtime.start()
+    kernels = runtime.kernels_of_laws()
+    key = (law, what, columns)
+    if key not in kernels:
+        kernels[key] = runtime.timed(law_kernel(*key))
+    return kernels[key]
