@@ -10,6 +10,8 @@ os.environ.setdefault("TI_ENABLE_PYBUF", "0")
 
 if TYPE_CHECKING:
     from tisoft import where
+    from tisoft.charting.advice import Advice, advise
+    from tisoft.charting.chart import Chart, chart
     from tisoft.errors import Diverged, MeshError, NoEquilibrium, SceneError, TisoftError
     from tisoft.geometry.cage import cage
     from tisoft.geometry.files import read_mesh
@@ -45,16 +47,17 @@ if TYPE_CHECKING:
     from tisoft.sweeping.sweep import Sweep, sweep
 
 __all__ = [
-    "Body", "Box", "Camera", "Diverged", "Frame", "Linear", "Load", "MassSpring", "MassTensor",
-    "MeshError", "NeoHookean", "NoContact", "NoEquilibrium", "Pin", "Plane", "Probe",
+    "Advice", "Body", "Box", "Camera", "Chart", "Diverged", "Frame", "Linear", "Load", "MassSpring",
+    "MassTensor", "MeshError", "NeoHookean", "NoContact", "NoEquilibrium", "Pin", "Plane", "Probe",
     "RegionMaterial", "Render", "Scene", "SceneError", "Simulation", "Skin", "Sphere", "SpringNet",
-    "Sweep", "TetMesh", "TisoftError", "Torque", "Turn", "ViscoElastic", "ball", "box", "cage",
-    "cloth", "cylinder", "grid", "load_scene", "net", "read_mesh", "read_skin", "read_surface",
-    "skin", "sweep",
-    "tet_mesh", "where",
+    "Sweep", "TetMesh", "TisoftError", "Torque", "Turn", "ViscoElastic", "advise", "ball", "box",
+    "cage", "chart", "cloth", "cylinder", "grid", "load_scene", "net", "read_mesh", "read_skin",
+    "read_surface", "skin", "sweep", "tet_mesh", "where",
 ]  # fmt: skip
 
 _HOMES = {
+    "tisoft.charting.advice": ("Advice", "advise"),
+    "tisoft.charting.chart": ("Chart", "chart"),
     "tisoft.errors": ("Diverged", "MeshError", "NoEquilibrium", "SceneError", "TisoftError"),
     "tisoft.geometry.cage": ("cage",),
     "tisoft.geometry.files": ("read_mesh",),

@@ -15,7 +15,8 @@ from tisoft import stops
 from tisoft.errors import TisoftError
 
 COMMANDS = (
-    "demo", "run", "render", "check", "bench", "view", "static", "modes", "stability", "sweep"
+    "demo", "run", "render", "check", "bench", "view", "static", "modes", "stability", "sweep",
+    "chart", "advise",
 )  # fmt: skip
 
 DESCRIPTION = "Soft bodies in Taichi that know how far they can be trusted."

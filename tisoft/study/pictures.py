@@ -52,7 +52,7 @@ STYLE: dict[str, Any] = {
 
 def save(axis: Axis, folder: Path, *, dpi: int = 110) -> list[Path]:
     """Draw an axis into `folder` as NAME.png and NAME.svg; raises SceneError."""
-    with _matplotlib() as figure_class:
+    with matplotlib_style() as figure_class:
         figure = figure_class(figsize=axis.size)
         axis.draw(figure)
         png, svg = io.BytesIO(), io.StringIO()
@@ -65,7 +65,7 @@ def save(axis: Axis, folder: Path, *, dpi: int = 110) -> list[Path]:
 
 
 @contextmanager
-def _matplotlib() -> Iterator[Any]:
+def matplotlib_style() -> Iterator[Any]:
     """The Figure class in this style, drawn off-screen; leaves the caller's settings alone."""
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg

@@ -1,0 +1,140 @@
+"""Charts: the predicted error of a scene against the true one, and what is told of it."""
+
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pytest
+
+from tisoft import cli
+from tisoft.charting import estimate
+from tisoft.charting.advice import advise
+from tisoft.charting.carriers import carrier
+from tisoft.charting.chart import Chart
+from tisoft.charting.estimate import Error
+from tisoft.charting.page import page
+from tisoft.charting.picture import files
+from tisoft.charting.survey import Judged, Survey, ruler_of, with_pareto
+from tisoft.errors import SceneError
+from tisoft.geometry.shapes import box
+from tisoft.geometry.solid import quadratic
+
+BEAM = """
+gravity = [0, 0, -9.81]
+[[body]]
+name = "beam"
+young = 1.0e6
+poisson = 0.3
+density = 1000.0
+[body.mesh]
+box = { size = [1, 0.2, 0.2], cells = [10, 2, 2] }
+[[body.pin]]
+where = { box = [[-1e-6, -1, -1], [1e-6, 1, 1]] }
+[[probe]]
+name = "tip"
+body = "beam"
+point = [1.0, 0.1, 0.1]
+"""
+SAG = np.array([-0.0697, 0.0, -0.3457])
+FREQUENCIES = np.array([0.9995, 0.9995, 4.5176])
+"""Of the continuum (27-node hexahedra, extrapolated): m, Hz."""
+
+
+@pytest.fixture
+def scene(tmp_path):
+    path = tmp_path / "beam.toml"
+    path.write_text(BEAM)
+    return path
+
+
+@pytest.mark.parametrize("kind", ["tet4", "tet10", "hex8"])
+def test_a_point_is_carried_by_the_shape_functions_of_its_cell(kind):
+    mesh = box((1.0, 0.5, 0.4), (2, 1, 1), split="hex" if kind == "hex8" else "five")
+    mesh = quadratic(mesh) if kind == "tet10" else mesh
+
+    def field(x):  # in the space of each element
+        quadratic_part = x[..., 0] ** 2 if kind == "tet10" else x[..., 0] * (kind == "hex8")
+        return 1.0 + x @ np.array([0.3, -0.7, 0.2]) + quadratic_part
+
+    for point in np.random.default_rng(0).uniform(0.0, [1.0, 0.5, 0.4], (20, 3)):
+        nodes, weights = carrier(mesh, point)
+        assert weights @ field(mesh.points[nodes]) == pytest.approx(field(point), abs=1e-12)
+
+
+def test_predicted_errors_are_those_of_the_continuum_within_their_bars(scene):
+    """33 % of sag and 20 % of frequencies with linear tets; quadratic ones lie below the bar."""
+    survey = Survey(scene, 1e6)
+    survey.static = True
+    make = survey.catalogue.mesh
+    linear, better = survey.catalogue.current, make("tet10", 1.0)
+    for what, truth in (("sag", [SAG]), ("frequency", FREQUENCIES)):
+        worse, fine = (survey.quantity(v, what, exact=True) for v in (linear, better))
+        survey.rulers = {what: ruler_of(worse, fine, what, estimate.SAME_MESH)}
+        exact = estimate.Ruler(np.asarray(truth), 0.0)
+        measure = estimate.frequency_error if what == "frequency" else error_of
+        predicted, true = (
+            measure(survey.quantity(linear, what), ruler) for ruler in (survey.rulers[what], exact)
+        )
+        assert 0.9 < predicted.value / true.value < 1.1
+        assert abs(predicted.value - true.value) < predicted.bar
+        assert measure(fine, exact).value < measure(fine, survey.rulers[what]).most
+
+
+def error_of(value, ruler):
+    return ruler.error(value)
+
+
+def test_the_prediction_of_a_path_matches_the_measured_drop():
+    """10x2x2 linear tets err by −30 % and +20 %: after a tenth of a period little, later much."""
+    early = estimate.path_error(Error(0.3, 0.0), Error(0.2, 0.0), 1.0, 0.1)
+    late = estimate.path_error(Error(0.3, 0.0), Error(0.2, 0.0), 1.0, 2.0)
+    assert early.value < 0.05 < 0.5 < late.value < 1.5
+
+
+def judged(name, cost, error, bar=0.01, **more):
+    errors = {"sag": Error(error, bar), "path": Error(2.0 * error, bar)}
+    return Judged(name, (f"x={name}",), "viscoelastic", "tet4", 1, 4, 1e-3, 2e-3, cost, errors,
+                  **more)  # fmt: skip
+
+
+@pytest.fixture
+def chart():
+    return Chart(
+        with_pareto(
+            [judged("as it is", 1.0, 0.3, current=True), judged("good", 0.1, 0.05),
+             judged("worse", 0.2, 0.4), judged("best", 3.0, 0.004)]
+        )
+    )  # fmt: skip
+
+
+def test_a_chart_says_what_its_numbers_say(chart):
+    assert [v.name for v in chart.pareto] == ["good", "best"]
+    assert chart.least(0.07).name == "good"
+    assert chart.least(0.055).name == "best"  # the bar counts
+    assert chart.least(0.01) is None
+    first, second = chart.sentences()
+    assert "30 % (± 1 %)" in first and "1/10 with good" in second
+    result = chart.result()
+    assert result["current"] == "as it is" and result["best"]["0.1"] == "good"
+
+
+def test_picture_and_page_are_whole_and_hold_every_variant(chart):
+    png, svg = files(chart)
+    assert png[:4] == b"\x89PNG"
+    ElementTree.fromstring(svg)
+    text = page(chart, svg, "beam <1>")
+    assert "beam &lt;1&gt;" in text
+    for k, v in enumerate(chart.variants):
+        assert f'id="variant-{k}"' in text and f"--set x={v.name}" in text
+
+
+@pytest.mark.parametrize(
+    "tolerance, told", [(1e-6, "below what f32 keeps"), (0.0, "relative error"), (2.0, "relative")]
+)
+def test_a_tolerance_that_nothing_keeps_is_refused(scene, tolerance, told):
+    with pytest.raises(SceneError, match=told):
+        advise(scene, tolerance)
+
+
+def test_a_budget_is_asked_for(scene, tmp_path, capsys):
+    assert cli.main(["chart", str(scene), "--budget", "0", "-o", str(tmp_path / "out")]) == 2
+    assert "--budget is 0" in capsys.readouterr().err

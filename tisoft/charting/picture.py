@@ -1,0 +1,88 @@
+"""The chart as a picture: error against cost, both logarithmic, with names beside the points."""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING, Any
+
+from tisoft.study import pictures
+
+if TYPE_CHECKING:
+    from tisoft.charting.chart import Chart
+    from tisoft.charting.survey import Judged
+
+LOOK = {
+    "tet4": ("o", pictures.BLUE), "tet10": ("s", pictures.RED), "hex8": ("D", pictures.GREEN),
+    "spring": ("^", pictures.ORANGE),
+}  # fmt: skip
+"""Marker and colour of each element: the shape tells as much as the colour."""
+MOST_LABELS = 12
+
+
+def shown(v: Judged) -> float:
+    """The error at which a variant is drawn: where the bar hides it, the bar's end."""
+    return v.worst.most if v.worst.below else v.worst.value
+
+
+def draw(ax: Any, chart: Chart) -> None:
+    """Draw a chart into Axes."""
+    for v in chart.variants:
+        marker, color = LOOK.get(v.element, ("v", pictures.GREY))
+        y, low = shown(v), max(v.worst.value - v.worst.bar, 0.3 * shown(v))
+        if not v.worst.below:
+            ax.plot([v.cost, v.cost], [low, v.worst.most], color=color, lw=1.0, alpha=0.6)
+        else:
+            ax.annotate(
+                "", (v.cost, 0.6 * y), (v.cost, y),
+                arrowprops={"arrowstyle": "->", "color": color, "lw": 1.0},
+            )  # fmt: skip
+        ax.plot(
+            v.cost, y, marker, color=color if not v.worst.below else "white", mec=color, ms=7,
+            gid=f"variant-{chart.variants.index(v)}", zorder=4,
+        )  # fmt: skip
+        if v.current:
+            ax.plot(v.cost, y, "o", ms=16, mfc="none", mec=pictures.BLACK, mew=1.6, zorder=5)
+    line = chart.pareto
+    ax.plot([v.cost for v in line], [shown(v) for v in line], color=pictures.GREY, zorder=1)
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.margins(0.16, 0.14)
+    _label(ax, chart)
+    ax.set_xlabel("seconds of computing a simulated second, on this machine")
+    ax.set_ylabel("predicted relative error (the larger of sag and frequency)")
+    ax.set_title("\n".join(chart.sentences()), fontsize=9)
+
+
+def _label(ax: Any, chart: Chart) -> None:
+    """Names beside the points, those that would lie on another left out, the best ones first."""
+    ax.figure.canvas.draw()
+    taken: list[Any] = []
+    order = sorted(chart.variants, key=lambda v: (not v.current, not v.pareto, v.cost))
+    for v in order[:MOST_LABELS]:
+        name = "your scene" if v.current else v.name
+        for dx, dy, where in (
+            (9, 5, "left"),
+            (-9, 5, "right"),
+            (9, -12, "left"),
+            (-9, -12, "right"),
+        ):
+            text = ax.annotate(
+                name, (v.cost, shown(v)), (dx, dy), textcoords="offset points", ha=where,
+                fontsize=8, weight="bold" if v.current else "normal", zorder=6,
+            )  # fmt: skip
+            box = text.get_window_extent()
+            if not any(box.overlaps(other) for other in taken):
+                taken.append(box)
+                break
+            text.remove()
+
+
+def files(chart: Chart) -> tuple[bytes, str]:
+    """The picture as PNG and as SVG."""
+    with pictures.matplotlib_style() as figure_class:
+        figure = figure_class(figsize=(8.6, 5.6))
+        draw(figure.subplots(), chart)
+        png, svg = io.BytesIO(), io.StringIO()
+        figure.savefig(png, format="png", dpi=110, metadata={"Software": None})
+        figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": None})
+    return png.getvalue(), svg.getvalue()
