@@ -28,11 +28,17 @@ class Advice:
     scene: Scene
     """The scene so changed."""
     choice: Judged
+    """The variant that was chosen."""
     current: Judged
+    """The scene as it is."""
     tolerance: float
+    """Relative error that is allowed [1]."""
     reasons: list[str]
+    """Why, in three sentences at the most."""
     certain: bool
+    """Whether the errors can be trusted; where not, a warning says why."""
     warnings: list[str]
+    """What a user should know of it, a sentence each."""
 
     def result(self) -> dict[str, Any]:
         """The object of --json."""

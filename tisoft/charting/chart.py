@@ -22,6 +22,7 @@ class Chart:
     variants: list[Judged]
     """The scene itself first."""
     warnings: list[str] = field(default_factory=list)
+    """What a user should know of it, a sentence each."""
 
     @property
     def current(self) -> Judged:
