@@ -17,9 +17,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Self
 
+import imageio.v3 as iio
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from tisoft import stops
 from tisoft.errors import SceneError
@@ -186,7 +186,7 @@ class PngSink(Sink):
     def _finish(self) -> None:
         assert self._last is not None
         assert self._part is not None
-        Image.fromarray(self._last).save(self._part, format="PNG")
+        self._part.write_bytes(_png(self._last))
         os.replace(self._part, self.path)
 
 
@@ -211,7 +211,7 @@ class FolderSink(Sink):
         if not self.count:
             self._folder.begin(())
         with written(self._folder.claim(PICTURE, self.count)) as file:
-            Image.fromarray(picture).save(file, format="PNG", compress_level=3)
+            file.write(_png(picture, compress_level=3))
 
     def __exit__(
         self,
@@ -300,6 +300,10 @@ class FilmSink(Sink):
         if self._log is not None:
             self._log.close()
         super()._discard()
+
+
+def _png(picture: Picture, **options: int) -> bytes:
+    return bytes(iio.imwrite("<bytes>", picture, plugin="pillow", extension=".png", **options))
 
 
 def _partial_name(path: Path) -> Path:
