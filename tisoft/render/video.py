@@ -302,8 +302,10 @@ class FilmSink(Sink):
         super()._discard()
 
 
-def _png(picture: Picture, **options: int) -> bytes:
-    return bytes(iio.imwrite("<bytes>", picture, plugin="pillow", extension=".png", **options))
+def _png(picture: Picture, compress_level: int = 6) -> bytes:
+    return iio.imwrite(
+        "<bytes>", picture, plugin="pillow", extension=".png", compress_level=compress_level
+    )
 
 
 def _partial_name(path: Path) -> Path:
