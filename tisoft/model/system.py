@@ -24,7 +24,7 @@ from tisoft.model.layout import Batches, copies_of, in_batches, lanes_of
 from tisoft.model.mass import ConsistentMass, mass_rows
 from tisoft.model.part import Part, parts_of
 from tisoft.model.state import State
-from tisoft.model.touch import Touch
+from tisoft.model.touch import Touch, groups
 
 Floats = NDArray[np.float64]
 
@@ -243,10 +243,10 @@ class System:
         lease = self._keep(
             pool.lend(Touch, (self.precision, corners[0].shape[1]), {"points": len(self._touching)})
         )
+        nodes, weights = np.concatenate(corners).astype(np.int32), np.concatenate(shares)
+        group, spread = groups(nodes, weights)
         lease.fields.write(
-            lease.starts["points"],
-            np.concatenate(corners).astype(np.int32),
-            self._reals(np.concatenate(shares)),
+            lease.starts["points"], nodes, self._reals(weights), group, self._reals(spread)
         )
         return lease
 

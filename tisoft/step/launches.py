@@ -88,8 +88,9 @@ def make_advance(s: Any) -> Any:
     @ti.kernel
     def meet_obstacles(scene: int, number: int, passes: int):
         ti.loop_config(serialize=True)  # one point after the other, as on the CPU
-        for p in range(s.state.ranges[scene, TOUCH], s.state.ranges[scene, TOUCH + 1]):
-            touch.meet_obstacles(s, p, now_of(s, scene, number, passes))
+        for _ in range(1):
+            first, last = s.state.ranges[scene, TOUCH], s.state.ranges[scene, TOUCH + 1]
+            touch.meet(s, first, last, now_of(s, scene, number, passes))
 
     @ti.kernel
     def sum_up(scene: int):

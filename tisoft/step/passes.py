@@ -119,8 +119,9 @@ def walk(s: ti.template(), scene, t, threads):
         if ti.static(s.touches):
             if task == MOVE:
                 if t == 0:
-                    for p in range(s.state.ranges[scene, TOUCH], s.state.ranges[scene, TOUCH + 1]):
-                        touch.meet_obstacles(s, p, now)
+                    touch.meet(
+                        s, s.state.ranges[scene, TOUCH], s.state.ranges[scene, TOUCH + 1], now
+                    )
                 phase += 1
                 meet(s, scene, phase, threads)
         if ti.static(s.meets):

@@ -32,18 +32,78 @@ def driven_velocity(s: ti.template(), i):
 
 
 @ti.func
+def meet(s: ti.template(), first, last, now):
+    """Let points from `first` to `last` meet the obstacles, all those of the same nodes at a time:
+    most are far away.
+    """
+    p = first
+    while p < last:
+        end = p + s.touch.group[p]
+        if is_near(s, p, now):
+            for q in range(p, end):
+                meet_obstacles(s, q, now)
+        p = end
+
+
+@ti.func
+def is_near(s: ti.template(), p, now):
+    """Whether a point that the nodes of p carry may have come to an obstacle: from their middle it
+    is at most Σ |N_a| times the way to the farthest of them.  First this is guessed at twice the
+    way between two of them.
+    """
+    count = ti.static(s.touch.corners)
+    x, last = place(s, s.touch.corner[p, 0]), place(s, s.touch.corner[p, count - 1])
+    spread = 1.1 * s.touch.spread[p]  # a turning obstacle is not as fast everywhere
+    near = away(s, p, x, now) < 2.0 * spread * (last - x).norm()
+    if near:
+        middle = 0.0 * x
+        for a in range(count):
+            middle += place(s, s.touch.corner[p, a]) / count
+        farthest = 0.0 * now.h
+        for a in range(count):
+            way = place(s, s.touch.corner[p, a]) - middle
+            farthest = ti.max(farthest, way.dot(way))
+        near = away(s, p, middle, now) < spread * ti.sqrt(farthest)
+    return near
+
+
+@ti.func
+def place(s: ti.template(), i):
+    """x of node i from its body's origin [m]."""
+    return s.state.rest[i] + s.state.displacement[i]
+
+
+@ti.func
+def away(s: ti.template(), p, x, now):
+    """How far x is from the obstacles of point p [m]."""
+    least = 1e30 + 0.0 * now.h
+    for row in range(s.touch.first[p], s.touch.last[p]):
+        gap, normal = gap_and_normal(s.state, row, x)
+        least = ti.min(least, gap - now.h * normal.dot(surface_velocity(s.state, row, x)))
+    return least
+
+
+@ti.func
 def meet_obstacles(s: ti.template(), p, now):
     """Let point p meet the obstacles of its body.
 
     Reads touch.*, obstacle*, rest, inverse_mass, fixed; changes displacement, velocity, half, work.
     """
-    h = now.h
     x = 0.0 * now.gravity
+    for a in range(s.touch.corners):
+        x += s.touch.share[p, a] * place(s, s.touch.corner[p, a])
+    if away(s, p, x, now) < 0.0:
+        push_out(s, p, x, now)
+
+
+@ti.func
+def push_out(s: ti.template(), p, x, now):
+    """Let point p, which is at x [m], leave the obstacles that it is in."""
+    h = now.h
     v = 0.0 * now.gravity
     lightness = 0.0 * h
     for a in range(s.touch.corners):
         i, share = s.touch.corner[p, a], s.touch.share[p, a]
-        x += share * (s.state.rest[i] + s.state.displacement[i])
         v += share * driven_velocity(s, i)
         if s.state.fixed[i] != 7:
             lightness += share * share * s.state.inverse_mass[i]

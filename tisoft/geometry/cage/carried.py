@@ -162,7 +162,7 @@ class Carried:
 
     def outermost(self) -> Rows:
         """Points of the surface that stand for it where it is met: of each part of a cell the one
-        that lies farthest out, ordered along the nodes.
+        that lies farthest out, those of the same nodes together.
         """
         points, triangles = self._points, self.skin.triangles.astype(np.int64)
         corners = points[triangles]
@@ -176,4 +176,4 @@ class Carried:
         height = np.einsum("pi,pi->p", points, out[own])
         order = np.lexsort((height, own))
         last = np.append(own[order][1:] != own[order][:-1], True)
-        return order[last][np.argsort(self.skin.corners[order[last], 0], kind="stable")]
+        return order[last][np.lexsort(self.skin.corners[order[last]].T[::-1])]
