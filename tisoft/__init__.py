@@ -45,14 +45,15 @@ if TYPE_CHECKING:
     from tisoft.scene_file import load_scene
     from tisoft.simulation import Frame, Simulation
     from tisoft.sweeping.sweep import Sweep, sweep
+    from tisoft.viewer.view import View, view
 
 __all__ = [
     "Advice", "Body", "Box", "Camera", "Chart", "Diverged", "Frame", "Linear", "Load", "MassSpring",
     "MassTensor", "MeshError", "NeoHookean", "NoContact", "NoEquilibrium", "Pin", "Plane", "Probe",
     "RegionMaterial", "Render", "Scene", "SceneError", "Simulation", "Skin", "Sphere", "SpringNet",
-    "Sweep", "TetMesh", "TisoftError", "Torque", "Turn", "ViscoElastic", "advise", "ball", "box",
-    "cage", "chart", "cloth", "cylinder", "grid", "load_scene", "net", "read_mesh", "read_skin",
-    "read_surface", "skin", "sweep", "tet_mesh", "where",
+    "Sweep", "TetMesh", "TisoftError", "Torque", "Turn", "View", "ViscoElastic", "advise", "ball",
+    "box", "cage", "chart", "cloth", "cylinder", "grid", "load_scene", "net", "read_mesh",
+    "read_skin", "read_surface", "skin", "sweep", "tet_mesh", "view", "where",
 ]  # fmt: skip
 
 _HOMES = {
@@ -74,6 +75,7 @@ _HOMES = {
     "tisoft.scene_file": ("load_scene",),
     "tisoft.simulation": ("Frame", "Simulation"),
     "tisoft.sweeping.sweep": ("Sweep", "sweep"),
+    "tisoft.viewer.view": ("View", "view"),
 }  # fmt: skip
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -84,7 +86,7 @@ def __getattr__(name: str) -> object:
         return import_module("tisoft.where")
     if name not in _HOME:
         raise AttributeError(f"module 'tisoft' has no attribute {name!r}")
-    if _HOME[name] == "tisoft.simulation":
+    if _HOME[name] in ("tisoft.simulation", "tisoft.viewer.view"):
         import_module("tisoft.runtime").import_taichi()
     value = globals()[name] = getattr(import_module(_HOME[name]), name)
     return value

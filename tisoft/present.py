@@ -54,6 +54,7 @@ class Present:
         certify: bool,
         threads: int | None,
         ledger: bool,
+        interactive: bool = False,
     ) -> None:
         self.scene = scene
         self.precision = precision
@@ -93,6 +94,10 @@ class Present:
         self.loading = Loading(self.system)
         self.holder = Holder(self.system)
         self.schedule = Schedule(self.system)
+        if interactive:
+            self.limit.sharpens = False
+            if scene.obstacles or any(body.pins for body in scene.bodies):
+                self.schedule.acting = Acting()  # any of them may be moved
         self.hands = Hands(self.system)
         self._threads = threads
         self._compile(ledger)
@@ -251,14 +256,14 @@ class Present:
                 self._made_of = made_of
             if self.account is not None:
                 self.account.external_work += self._stored() - before
-        if any(a is not b for a, b in zip(self.scene.obstacles, self._obstacles, strict=False)) or (
-            len(self.scene.obstacles) != len(self._obstacles)
-        ):
-            self._obstacles = tuple(self.scene.obstacles)
-            self._push_out()
+        known, asked = self._obstacles, tuple(self.scene.obstacles)
+        if len(known) != len(asked) or any(a is not b for a, b in zip(known, asked, strict=True)):
+            self._obstacles = asked
+            if not _go_on(known, asked, self.time):
+                self._push_out()
+                others = True
             self.place_obstacles()
             self._set_inputs()
-            others = True
         if self.loading.refresh():
             self._set_inputs()
         if self._rules() != self.stepper.rules:
@@ -266,6 +271,10 @@ class Present:
             self.stepper.compile()
         self.stepper.loaded = self._is_loaded()
         return others
+
+    def rehearse(self) -> None:
+        """Compile what taking over a change needs; changes nothing."""
+        self._reread()
 
     def _is_loaded(self) -> bool:
         return self.loading.acts or bool(self.hands.held)
@@ -353,3 +362,14 @@ class Present:
     def parts(self) -> list[Part]:
         """The bodies' shares of the arrays."""
         return self.system.parts
+
+
+def _go_on(known: tuple[Any, ...], asked: tuple[Any, ...], time: float) -> bool:
+    """Whether obstacles are where others were at `time` [s], and differ in how they move on."""
+    if [type(o) for o in known] != [type(o) for o in asked]:
+        return False
+    zero, now = np.zeros(3), np.array([time])
+    pairs = [
+        (a.numbers(zero, now), b.numbers(zero, now)) for a, b in zip(known, asked, strict=True)
+    ]
+    return all(np.allclose(a, b, rtol=1e-9, atol=1e-12 * np.abs(a).max()) for a, b in pairs)

@@ -71,6 +71,7 @@ class Simulation(Motion):
         certify: False takes any step and checks nothing: to show how things fail.
         threads: CPU threads; left out, chosen by the scene's size and the machine's load.
         ledger: keep account of dissipated energy and external work.
+        interactive: nothing that a viewer may ask for compiles, or certifies for long, on the way.
 
     Raises:
         SceneError: a scene that cannot run, with the field that says why.
@@ -85,6 +86,7 @@ class Simulation(Motion):
         certify: bool = True,
         threads: int | None = None,
         ledger: bool = False,
+        interactive: bool = False,
     ) -> None:
         begun = time.perf_counter()
         scene.validate()
@@ -96,7 +98,10 @@ class Simulation(Motion):
             certify=certify,
             threads=threads,
             ledger=ledger,
+            interactive=interactive,
         )
+        if interactive:
+            self.rehearse()
         self.start_seconds = time.perf_counter() - begun - self.compile_seconds
         """Seconds of making it, without compiling: numbering, uploading, bounds."""
 

@@ -195,6 +195,11 @@ def asked() -> Stopped | None:
     return None if _wish.number is None or _wish.settled else Stopped(_wish.number)
 
 
+def last_asked() -> float:
+    """When a signal asked last, on the monotonic clock [s]; 0 where none did."""
+    return _wish.when
+
+
 def raise_if_asked() -> None:
     """End here if that was asked for; raises Stopped."""
     if (stop := asked()) is not None:

@@ -11,6 +11,11 @@ from tisoft.viewer.server import Server
 
 CHROMIUM = "/usr/bin/chromium"
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+HERE = ("http://127.0.0.1:", "file:///", "data:text/javascript;", "blob:")
+SPOT = """point => {
+  const v = tisoft.camera.position.clone().set(...point).project(tisoft.camera);
+  return [(v.x + 1) / 2 * innerWidth, (1 - v.y) / 2 * innerHeight];
+}"""
 WHERE = """held => {
   const W = tisoft, c = W.camera; c.updateMatrixWorld();
   const sum = k => held.rows.reduce((s, j, i) => s + held.weights[i] * W.positions[3 * j + k], 0);
@@ -26,6 +31,8 @@ def control():
     model = ts.ViscoElastic(1e6, 0.3, 1000.0, 200.0, 200.0, 8.0)
     body = scene.add_body(ts.box((1.0, 0.3, 0.3), (6, 2, 2)), model)
     body.pin(ts.where.box((-1, -1, -1), (0.001, 1, 1)))
+    scene.add_obstacle(ts.Sphere((0.5, -0.4, 0.15), 0.2))
+    scene.add_probe("tip", body, point=(1.0, 0.3, 0.3))
     return Controller(scene)
 
 
@@ -81,6 +88,14 @@ def test_the_page_pauses_steps_slides_turns_and_resets(page, control):
     page.keyboard.press("Enter")
     until(page, "!document.getElementById('error').hidden")
     assert "poisson" in page.inner_text("#error")
+    page.keyboard.press("u")
+    until(page, "tisoft.status.said.includes('young') && !tisoft.status.undo")
+    until(page, "document.getElementById('young-0-value').value == '1.00e+6'")
+    page.fill("#top", "2")
+    page.keyboard.press("Enter")
+    until(page, "tisoft.status.hold && tisoft.top == 2")
+    until(page, "tisoft.marks == 12 && tisoft.status.limit.kind == 'tet'")
+    page.keyboard.press("h")
     eye = page.evaluate("tisoft.camera.position.toArray()")
     page.mouse.move(40, 420)
     page.mouse.down()
@@ -102,19 +117,42 @@ def test_the_page_comes_back_after_a_lost_connection(page):
     until(page, f"tisoft.received > {before} + 2")
 
 
+def test_a_sphere_is_carried_while_all_is_recorded(page, control, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    page.select_option("#kind", "html")
+    page.click("#record")
+    until(page, "tisoft.status.recording")
+    x, y = page.evaluate(SPOT, [0.5, -0.45, 0.3])
+    page.keyboard.down("Shift")
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 30, y + 40, steps=3)
+    until(page, "tisoft.status.carries.length && tisoft.more[1] < -0.02")
+    page.mouse.up()
+    page.keyboard.up("Shift")
+    assert control.scene.obstacles[0].path[-1][1] > 0.0
+    page.keyboard.press("v")
+    until(page, "!tisoft.status.recording && tisoft.status.said.includes('recording-1.html')")
+    film = page.context.browser.new_page(viewport={"width": 400, "height": 300})
+    film.on("pageerror", lambda error: page.wrong.append(str(error)))
+    film.on("request", lambda request: page.asked.append(request.url))
+    film.goto(f"file://{tmp_path}/recording-1.html?plain")
+    until(film, "window.tisoft && tisoft.frames > 10 && tisoft.playing > 5")
+    film.keyboard.press(" ")
+    film.keyboard.press("ArrowRight")
+    until(film, "tisoft.status.paused && tisoft.plotted")
+    assert film.evaluate("tisoft.positions.length") == page.evaluate("tisoft.positions.length")
+    film.close()
+
+
 def test_nothing_is_asked_from_the_network_and_nothing_fails(page):
-    assert page.asked and all(url.startswith("http://127.0.0.1:") for url in page.asked)
+    assert page.asked and all(url.startswith(HERE) for url in page.asked)
     assert not page.wrong
 
 
 def test_a_dragged_point_is_where_the_mouse_is(page, control):
     page.wait_for_timeout(500)
-    x, y = page.evaluate(
-        """() => {
-          const v = tisoft.camera.position.clone().set(0.9, 0.1, 0.3).project(tisoft.camera);
-          return [(v.x + 1) / 2 * innerWidth, (1 - v.y) / 2 * innerHeight];
-        }"""
-    )
+    x, y = page.evaluate(SPOT, [0.9, 0.1, 0.3])
     page.mouse.move(x, y)
     page.mouse.down()
     until(page, "tisoft.held() && tisoft.status.pull != null")

@@ -8,21 +8,27 @@ import socket
 import sys
 import webbrowser
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from tisoft import runtime
+from tisoft import runtime, stops
 from tisoft.commands import common
 from tisoft.commands.demo import FIRST, demos
 from tisoft.errors import SceneError
+
+if TYPE_CHECKING:
+    from tisoft.viewer.controller import Controller
 
 HELP = "take a running body in your hand, in the browser"
 EXAMPLES = """examples:
   tisoft view                                       the creature
   tisoft view twist                                 another demo
   tisoft view beam.toml --color strain --speed 0.5
+  tisoft view beam.toml --record pull.mp4           every frame, from the start; or pull.html
   tisoft view beam.toml --no-browser --port 9000    over ssh: open the printed address
 
-left drag on the body pulls it, elsewhere it turns the view; Space pauses, → makes one frame,
-Backspace resets, F frames the view; Ctrl-C here ends it"""
+left drag on the body pulls it, elsewhere it turns the view; with Shift it carries pins and
+obstacles; Space pauses, → makes one frame, Backspace resets, U undoes, V records, F frames the
+view; Ctrl-C here ends it"""
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -39,9 +45,12 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--host", default="127.0.0.1", help="where to listen (127.0.0.1: this machine alone)"
     )
     parser.add_argument("--no-browser", action="store_true", help="print the address, open nothing")
+    parser.add_argument("--color", choices=common.COLORS, help="what the colours show")
     parser.add_argument(
-        "--color", choices=("stress", "strain", "speed", "body"), help="what the colours show"
-    )
+        "--record", metavar="FILE", type=common.place,
+        help="record every frame, into a film (.mp4, .gif, .webp) or a page (.html)",
+    )  # fmt: skip
+    parser.add_argument("--size", metavar="WxH", help="of a film in pixels, as 1280x720")
     parser.add_argument("--speed", type=float, default=1.0, help="simulated seconds a second (1)")
 
 
@@ -62,18 +71,57 @@ def execute(options: argparse.Namespace) -> int:
     scene = common.scene_of(options)
     runtime.import_taichi()
     from tisoft.viewer.controller import Controller
-    from tisoft.viewer.orders import COLORS
+    from tisoft.viewer.recording import checked_place
     from tisoft.viewer.server import Server
 
-    color = scene.render.color if scene.render.color in COLORS else "stress"
-    control = Controller(scene, arch=options.arch, color=color, speed=options.speed)
+    place = checked_place(options.record) if options.record else None  # told before it compiles
+    control = Controller(scene, arch=options.arch, color=scene.render.color, speed=options.speed)
     server = Server(control, host=options.host, port=options.port)
     try:
+        if place is not None:
+            control.record_to(place)
         _tell(options, server.url, server.port)
-        while True:
-            control.tick()
+        _step(control, options)
     finally:
         server.close()
+    return 0
+
+
+def _step(control: Controller, options: argparse.Namespace) -> None:
+    """Step until a signal ends it, between two frames; then complete what is recorded."""
+    try:
+        with stops.between_frames():
+            while True:
+                control.tick()
+                stops.raise_if_asked()
+    except KeyboardInterrupt:
+        _complete(control, options)
+        raise
+
+
+def _complete(control: Controller, options: argparse.Namespace) -> None:
+    """Write the rest of a recording; a second signal ends it there, whole."""
+    recording = control.recording
+    if recording is None:
+        return
+    from tisoft.commands.render import Picture
+    from tisoft.observers.progress import Progress
+
+    first = stops.last_asked()
+    progress = Progress(f"writing {recording.path.name}", quiet=options.quiet)
+    progress.begin(len(recording))
+    pieces = control.rest_of_recording()
+    with stops.held():
+        try:
+            for done in pieces:
+                progress.on_frame(Picture(done))
+                if stops.last_asked() > first:
+                    break
+        finally:
+            pieces.close()  # type: ignore[attr-defined]
+            progress.on_end()
+    if not options.quiet:
+        print(f"{recording.path}: {recording.done} of {len(recording)} frames", flush=True)
 
 
 def _tell(options: argparse.Namespace, url: str, port: int) -> None:

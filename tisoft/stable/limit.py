@@ -63,6 +63,8 @@ class StepLimit:
         self._sharp: tuple[float, float] | None = None
         self._rest_bounds: tuple[float, float] = (np.inf, np.inf)
         self._next_look = 0
+        self.sharpens = True
+        """Whether the sharp limit is found anew in states far from rest, which takes a while."""
         self.refresh()
 
     def _kernel(self) -> Any:
@@ -216,7 +218,7 @@ class StepLimit:
             return np.inf
         if self._reference is None:
             self._reference = (self._sharp_at_rest()[0], self._rest_bounds[0])
-        if self._has_drifted(bound) and substeps >= self._next_look:
+        if self.sharpens and self._has_drifted(bound) and substeps >= self._next_look:
             u = self.system.u.astype(np.float64)
             for part in self.system.parts:
                 u[part.nodes] += part.shift

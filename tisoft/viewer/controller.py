@@ -2,7 +2,8 @@
 
 The simulation lives in the thread that calls `Controller.tick` for ever.  Viewers post orders (from
 any thread) and read `snapshot`, the data of the latest picture; neither waits for the other.
-A snapshot is made only when somebody `wants` one, so a frame that no page shows costs nothing.
+A snapshot is made only when somebody `wants` one, so a frame that no page shows costs nothing, and
+no more than PICTURES of the time goes into them.
 """
 
 from __future__ import annotations
@@ -11,19 +12,22 @@ import collections
 import dataclasses
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tisoft.errors import SceneError, TisoftError
 from tisoft.observers.quantities import node_values
 from tisoft.scene import Scene
 from tisoft.simulation import Simulation
-from tisoft.viewer.drawn import Drawn
-from tisoft.viewer.orders import COLORS, MATERIAL
+from tisoft.viewer.carrying import Carried, CarriedObstacle, CarriedPin, pin_near
+from tisoft.viewer.changing import Changes
+from tisoft.viewer.orders import COLORS
 from tisoft.viewer.picking import patch
+from tisoft.viewer.picture import Painter, Snapshot
+from tisoft.viewer.recording import Recording, free_name, recording_to
 
 LEAST_RATE = 60.0
 """Frames per simulated second at which hands and eyes find a scene smooth [1/s]."""
@@ -35,22 +39,12 @@ TOLD_EVERY = 0.25
 """Seconds between two looks at what costs more than a glance: the limit and the warnings."""
 FEW_ELEMENTS = 4_000
 """Up to here one thread keeps real time, and a busy page on the same cores cannot stall it."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Snapshot:
-    """Data of one picture."""
-
-    number: int
-    drag: int
-    """Number of the last drag that this state has felt."""
-    time: float
-    positions: NDArray[np.float32]
-    """Of the drawn rows [m], shape (rows, 3)."""
-    values: NDArray[np.uint8]
-    """0 to 255 from 0 to `top`, shape (rows,)."""
-    top: float
-    color: str
+PICTURES = 0.07
+"""Share of the time that goes into pictures at the most, where that makes ten a second."""
+SLOWEST = 0.1
+"""Seconds between two pictures that somebody wants, at the most."""
+SUPERSEDED = ("material", "gravity", "speed", "range", "drag")
+"""Orders of which the last counts where several wait: what sliders and mice send."""
 
 
 class Controller:
@@ -58,6 +52,7 @@ class Controller:
 
     Args:
         scene: its frame rate is raised to LEAST_RATE.
+        sim: one that runs already, instead: its own scene and rate are taken.
         color: one of COLORS.
         speed: simulated seconds per second.
         clock, wait: the seconds that pass, and how to sleep for some of them; for tests.
@@ -70,46 +65,65 @@ class Controller:
         self,
         scene: Scene,
         *,
+        sim: Simulation | None = None,
         arch: str = "cpu",
         color: str = "stress",
         speed: float = 1.0,
         clock: Callable[[], float] = time.perf_counter,
         wait: Callable[[float], Any] | None = None,
     ) -> None:
-        self.scene = dataclasses.replace(scene, frame_rate=max(scene.frame_rate, LEAST_RATE))
-        self.arch, self.color, self.speed = arch, color, speed
-        self.clock = clock
+        rate = max(scene.frame_rate, LEAST_RATE)
+        self.scene = scene if sim else dataclasses.replace(scene, frame_rate=rate)
+        self.arch, self.speed, self.clock = arch, speed, clock
         self._wake = threading.Event()
         self.wait = wait or self._sleep
-        self.drawn = Drawn(self.scene)
+        self.painter = Painter(self.scene, color)
+        self.changes = Changes(self.scene, clock)
         self.orders: collections.deque[tuple[Any, dict[str, Any]]] = collections.deque()
         self.listeners: list[Callable[[], None]] = []
         self.wants = True
         """Whether somebody waits for a newer snapshot."""
         self.stale = False
         """Whether the state is newer than the snapshot."""
-        self.paused, self.error, self.last_change = False, "", ""
+        self.paused, self.error, self.failed, self.said = False, "", False, ""
         self.singles = 0
-        self.hold = False
-        self.top = 0.0
-        self.number = 0
         self.dropped = 0.0
         """Seconds of debt dropped so far."""
         self.hands: dict[Any, Any] = {}
         self.drag = 0
-        self.sim = self._begin()
-        self.snapshot = self._snapshot()
+        self.recording: Recording | None = None
+        self._finishing: Iterator[None] | None = None
+        self._kept: Snapshot | None = None
+        self._at_first = [list(body.pins) for body in scene.bodies], list(scene.obstacles)
+        self._next_picture = -np.inf
+        self.owns = sim is None
+        """Whether the simulation is its own, to begin anew."""
+        self.sim = self._begin() if sim is None else sim
+        self.adopt(self.sim)
+        self._told, self._told_at = self._look(), self.clock()
+        self.snapshot = self.painter.snapshot(self.sim, self.drag)
 
     def _begin(self) -> Simulation:
-        elements = sum(len(b.mesh.tets) for b in self.scene.bodies)
+        elements = sum(b.mesh.elements for b in self.scene.bodies)
         threads = 1 if elements <= FEW_ELEMENTS else None
-        sim = Simulation(self.scene, arch=self.arch, threads=threads)
+        sim = Simulation(self.scene, arch=self.arch, threads=threads, interactive=True)
         sim.energy()  # compiles, while nobody looks yet
+        sim.limit.sharp()
+        return sim
+
+    def adopt(self, sim: Simulation) -> None:
+        """Show this simulation, of the bodies that are shown."""
+        self.sim = sim
+        self.scene = self.painter.scene = self.changes.scene = sim.scene
         self._due = self.clock()
         self._meter: collections.deque[tuple[float, float]] = collections.deque(maxlen=60)
         self._told_at = -np.inf
-        self._told: dict[str, Any] = {}
-        return sim
+        self.stale = True
+
+    @property
+    def color(self) -> str:
+        """What colours show."""
+        return self.painter.color
 
     # -- any thread ----------------------------------------------------------------------------
 
@@ -129,49 +143,100 @@ class Controller:
         self._wake.wait(seconds)
         self._wake.clear()
 
-    def tick(self) -> None:
-        """Obey, step where a frame is due, and sleep where none is."""
+    def tick(self) -> bool:
+        """Obey, step where a frame is due, and sleep where none is; returns whether it stepped."""
         self._obey()
         if self.stale:  # changed, or stepped when no page had time for it
             self._publish()
+        if self._finishing is not None:
+            self._write_on()
+            return False
         now = self.clock()
         if self.paused:
             self._due = now
             if self.singles:
                 self.singles -= 1
-                self._step()
-            elif not (self.stale and self.wants):
+                return self._step()
+            if not (self.stale and self.wants):
                 self.wait(NAP)
         elif now < self._due:
             self.wait(min(self._due - now, NAP))
         else:
-            self._step()
-            frame = 1.0 / (self.scene.frame_rate * self.speed)
-            self._due += frame
-            late = self.clock() - self._due
-            if late > max(LATE, 2.0 * frame):
-                self.dropped += late
-                self._due += late
+            return self._step()
+        return False
 
-    def _step(self) -> None:
+    def _step(self) -> bool:
+        made = True
         try:
+            self._lead()
             self.sim.step()
         except TisoftError as error:
+            made = False
             self._fail(error)
+        self.stepped()
+        self._owe()
+        return made
+
+    def _lead(self) -> None:
+        """Lead what hands carry through the coming frame."""
+        for hand in self.hands.values():
+            if isinstance(hand, Carried):
+                hand.advance(self.sim.time, 1.0 / self.scene.frame_rate)
+
+    def stepped(self) -> None:
+        """Take note of a frame that was made."""
         self._meter.append((self.clock(), self.sim.time))
-        self.stale = True
+        self.stale, self._kept = True, None
+        if self.recording is not None and not self.failed:
+            self._keep()
         self._publish()
+
+    def _owe(self) -> None:
+        """Say when the next frame is due; what is too late is dropped."""
+        frame = 1.0 / (self.scene.frame_rate * self.speed)
+        self._due += frame
+        late = self.clock() - self._due
+        if late > max(LATE, 2.0 * frame):
+            self.dropped += late
+            self._due += late
+
+    def pace(self) -> None:
+        """For who steps by himself: obey, wait until the next frame is due, and while paused."""
+        self._owe()
+        while True:
+            self._obey()
+            if self.stale:
+                self._publish()
+            if self._finishing is not None:
+                self._write_on()
+            elif self.paused and self.singles:
+                self.singles -= 1
+                break
+            elif self.paused:
+                self._due = self.clock()
+                self.wait(NAP)
+            elif self.clock() >= self._due:
+                break
+            else:
+                self.wait(min(self._due - self.clock(), NAP))
+        self._lead()
 
     def _fail(self, error: TisoftError) -> None:
         self.drop_all()
-        self.paused, self.singles = True, 0
-        undo = f"; the last change was {self.last_change}: undo it" if self.last_change else ""
+        self.paused, self.singles, self.failed = True, 0, True
+        last = self.changes.last
+        undo = f"; the last change was {last}: undo it (U)" if last else ""
         self.error = f"{str(error).rstrip('.')}{undo}, or reset (Backspace)."
 
     def _obey(self) -> None:
-        self.stale = self.stale or bool(self.orders)
+        waiting = []
         while self.orders:
-            viewer, order = self.orders.popleft()
+            waiting.append(self.orders.popleft())
+        last = {_subject(viewer, order): n for n, (viewer, order) in enumerate(waiting)}
+        for n, (viewer, order) in enumerate(waiting):
+            self.stale = True
+            if order["do"] in SUPERSEDED and last[_subject(viewer, order)] != n:
+                continue
             asked = {name: value for name, value in order.items() if name != "do"}
             try:
                 _ORDERS[order["do"]](self, viewer, **asked)
@@ -179,11 +244,73 @@ class Controller:
                 self.error = str(error)
 
     def _publish(self) -> None:
-        if self.wants:
-            self.wants = self.stale = False
-            self.snapshot = self._snapshot()
-            for notify in self.listeners:
-                notify()
+        begun = self.clock()
+        if not self.wants or begun < self._next_picture:
+            return
+        self.wants = self.stale = False
+        if begun - self._told_at > TOLD_EVERY:
+            self._told_at, self._told = begun, self._look()
+        self.snapshot = self._kept or self.painter.snapshot(self.sim, self.drag)
+        self._kept = None
+        if self.painter.error:
+            self.error, self.painter.error = self.painter.error, ""
+        for notify in self.listeners:
+            notify()
+        now = self.clock()
+        self._next_picture = (
+            now + min((now - begun) / PICTURES, SLOWEST) if not self.paused else now
+        )
+
+    # -- recordings ----------------------------------------------------------------------------
+
+    def record_to(self, path: Path) -> None:
+        """Record every frame from the present one on.  Raises SceneError for a bad place."""
+        self.recording = recording_to(path, self.scene, self.color, self.hello())
+        self._keep()
+
+    def _keep(self) -> None:
+        assert self.recording is not None
+        if self.recording.needs_shot:
+            self._kept = self.painter.snapshot(self.sim, self.drag)
+        try:
+            self.recording.keep(self.sim, self._kept)
+        except TisoftError as error:
+            self.error, self.said = str(error), ""
+            self.stop_recording()
+
+    def stop_recording(self) -> None:
+        """Let `tick` write the recording, piece by piece; the simulation stands still meanwhile."""
+        if self.recording is not None and self._finishing is None:
+            self._finishing = self.recording.finish()
+
+    def _write_on(self) -> None:
+        assert self.recording is not None and self._finishing is not None
+        try:
+            next(self._finishing)
+            self.want()
+            self.stale = True
+            return
+        except StopIteration:
+            self.said = f"{self.recording.path} holds {self.recording.done} frames"
+        except TisoftError as error:
+            self.error = str(error)
+        self.recording, self._finishing = None, None
+        self._due, self.stale = self.clock(), True
+
+    def rest_of_recording(self) -> Iterator[int]:
+        """Write what is being recorded, a piece each time, and tell how many frames are written;
+        closed early, the file holds those.
+        """
+        self.stop_recording()
+        if self.recording is None or self._finishing is None:
+            return
+        recording, pieces = self.recording, self._finishing
+        try:
+            for _ in pieces:
+                yield recording.done
+        finally:
+            pieces.close()  # type: ignore[attr-defined]
+            self.recording, self._finishing = None, None
 
     # -- orders --------------------------------------------------------------------------------
 
@@ -192,14 +319,44 @@ class Controller:
     ) -> None:
         """Take Σ w x of drawn rows in a viewer's hand; its point is to be at `point` [m]."""
         self.drop(viewer)
-        held, share = np.array(rows), np.array(weights)
-        shown = self.drawn.owner(held)
-        if shown is None:
-            raise SceneError("a hand holds one body; these rows are of none, or of several")
+        shown, at_rest = self._held(rows, weights)
         mass = self.sim.masses()[self.sim.part(shown.body).nodes]
-        nodes, shares = patch(shown.body.mesh.points, mass, shown.rest_point(held, share))
+        nodes, shares = patch(shown.body.mesh.points, mass, at_rest)
         self.hands[viewer] = self.sim.grab(shown.body, nodes, shares, point)
         self.drag = number
+
+    def _held(self, rows: list[int], weights: list[float]) -> tuple[Any, Any]:
+        """The body that these drawn rows belong to, and where Σ w x is in it at rest."""
+        held = np.array(rows)
+        shown = self.painter.drawn.owner(held)
+        if shown is None:
+            raise SceneError("a hand holds one body; these rows are of none, or of several")
+        return shown, shown.rest_point(held, np.array(weights))
+
+    def carry_pin(
+        self, viewer: Any, rows: list[int], weights: list[float], point: list[float], number: int
+    ) -> None:
+        """Take the pin that holds the body there; where none does, the body itself."""
+        shown, at_rest = self._held(rows, weights)
+        mass = self.sim.masses()[self.sim.part(shown.body).nodes]
+        near = patch(shown.body.mesh.points, mass, at_rest)[0][:8]
+        found = pin_near(shown.body, near, self.sim.time)
+        if found is None:
+            self.grab(viewer, rows, weights, point, number)
+            return
+        self.drop(viewer)
+        self._carry(viewer, CarriedPin(shown.body, found, point, self.sim.time), number)
+
+    def carry_obstacle(self, viewer: Any, obstacle: int, point: list[float], number: int) -> None:
+        """Take an obstacle in a viewer's hand."""
+        self.drop(viewer)
+        if obstacle >= len(self.scene.obstacles):
+            raise SceneError(f"there is no obstacle {obstacle}")
+        carried = CarriedObstacle(self.scene, obstacle, point, self.sim.time)
+        self._carry(viewer, carried, number)
+
+    def _carry(self, viewer: Any, carried: Carried, number: int) -> None:
+        self.hands[viewer], self.drag = carried, number
 
     def move(self, viewer: Any, point: list[float], number: int) -> None:
         """Bring a viewer's hand to a point [m]."""
@@ -222,19 +379,45 @@ class Controller:
         """Stop, or go on from the present state."""
         self.paused, self.singles = on, 0
         if not on:
-            self.error = ""
+            self.error, self.failed = "", False
+            self._meter.clear()
 
     def single(self, viewer: Any) -> None:
         """One frame, then pause."""
-        self.paused, self.error = True, ""
+        self.paused, self.error, self.failed = True, "", False
         self.singles += 1
 
     def reset(self, viewer: Any) -> None:
         """Begin the scene anew: time, pins, loads, guard; the materials stay as they are set."""
         self.drop_all()
-        self.error = ""
-        self.sim = self._begin()
+        if not self.owns:
+            raise SceneError("this run belongs to a script, which alone can begin it anew")
+        self.error, self.failed = "", False
+        self.put_back()
+        self.adopt(self._begin())
         self.wants = True
+
+    def put_back(self) -> None:
+        """Put pins and obstacles where the scene has them."""
+        pins, obstacles = self._at_first
+        for body, own in zip(self.scene.bodies, pins, strict=True):
+            body.pins[:] = own
+        self.scene.obstacles[:] = obstacles
+
+    def undo(self, viewer: Any) -> None:
+        """Take the last change of a number back, and go on where it was what failed."""
+        self.said = f"undone: {self.changes.undo()}"
+        if self.failed:
+            self.pause(viewer, False)
+        self.error, self.failed = "", False
+
+    def record(self, viewer: Any, on: bool, kind: str) -> None:
+        """Begin a recording in the present folder, or end the one that runs."""
+        if not on:
+            self.stop_recording()
+        elif self.recording is None:
+            self.record_to(free_name(kind))
+            self.said = ""
 
     def set_speed(self, viewer: Any, value: float) -> None:
         """Simulated seconds per second."""
@@ -244,56 +427,27 @@ class Controller:
         """What colours show."""
         if name == "stress":
             node_values(self.sim, name)  # refuses springs without a volume
-        self.color, self.top, self.wants = name, 0.0, True
+        self.painter.color, self.painter.top, self.wants = name, 0.0, True
 
     def set_hold(self, viewer: Any, on: bool) -> None:
         """Keep the colours' range."""
-        self.hold = on
+        self.painter.hold = on
+
+    def set_range(self, viewer: Any, value: float) -> None:
+        """Give the colours' range its upper end, and keep it."""
+        self.painter.hold, self.painter.top = True, value
 
     def set_gravity(self, viewer: Any, value: float) -> None:
         """The component along the scene's gravity, or along −y where it has none [m/s²]."""
-        self._changing(f"gravity to {value:g} m/s²")
-        self.scene.gravity = tuple(float(value) * c for c in self.down)
-
-    @property
-    def down(self) -> NDArray[np.float64]:
-        """Unit vector along which gravity is changed."""
-        if not hasattr(self, "_down"):
-            g = np.asarray(self.scene.gravity, np.float64)
-            size = float(np.linalg.norm(g))
-            self._down = g / size if size > 0.0 else np.array([0.0, -1.0, 0.0])
-        return self._down
+        self.changes.gravity(value)
+        self.error = ""
 
     def set_material(self, viewer: Any, body: int, name: str, value: float) -> None:
         """A number of a body's model."""
-        if body >= len(self.scene.bodies):
-            raise SceneError(f"there is no body {body}")
-        own = self.scene.bodies[body]
-        if getattr(own.model, name, None) is None:
-            raise SceneError(f'the model of "{own.name}" has no {name}')
-        own.model = dataclasses.replace(own.model, **{name: value})  # type: ignore[arg-type]
-        self._changing(f'{name} of "{own.name}" to {value:.3g}')
+        self.changes.material(body, name, value)
+        self.error = ""
 
-    def _changing(self, what: str) -> None:
-        self.last_change, self.error = what, ""
-
-    # -- what is shown -------------------------------------------------------------------------
-
-    def _snapshot(self) -> Snapshot:
-        self.number += 1
-        positions = self.drawn.carried(self.sim.positions()).astype(np.float32)
-        values = np.zeros(self.drawn.count, np.uint8)
-        if self.color != "body":
-            try:
-                raw = self.drawn.carried(node_values(self.sim, self.color)[:, None])[:, 0]
-                if not self.hold or self.top == 0.0:
-                    high = float(np.percentile(raw, 98)) if len(raw) else 0.0
-                    self.top = max(0.99 * self.top, high, 1e-30)
-                values = np.clip(255.0 / self.top * raw, 0.0, 255.0).astype(np.uint8)
-            except SceneError as error:
-                self.color, self.error = "body", str(error)
-        time, drag = self.sim.time, self.drag
-        return Snapshot(self.number, drag, time, positions, values, self.top, self.color)
+    # -- what is told --------------------------------------------------------------------------
 
     def real_time_factor(self) -> float:
         """Simulated seconds per second, over the last frames."""
@@ -304,36 +458,40 @@ class Controller:
 
     def status(self) -> dict[str, Any]:
         """What the panel tells, for JSON."""
-        sim = self.sim
-        now = self.clock()
-        if now - self._told_at > TOLD_EVERY:
-            self._told_at, self._told = now, self._look()
         pull = [float(np.linalg.norm(hand.force)) for hand in self.hands.values()]
+        recording = self.recording
         return {
-            "time": sim.time,
+            "time": self.sim.time,
             "real_time": self.real_time_factor(),
             "dropped": self.dropped,
             "speed": self.speed,
             "paused": self.paused,
             "error": self.error,
+            "said": self.said,
+            "undo": self.changes.last,
             "color": self.color,
-            "hold": self.hold,
+            "hold": self.painter.hold,
             "pull": sum(pull) if pull else None,
-            "recoveries": len(sim.recoveries),
+            "carries": [hand.name for hand in self.hands.values() if isinstance(hand, Carried)],
+            "recoveries": len(self.sim.recoveries),
+            "numbers": self.changes.numbers(),
+            "recording": None if recording is None else {
+                "file": recording.path.name, "frames": len(recording), "written": recording.done,
+                "writing": self._finishing is not None,
+            },
             **self._told,
-        }
+        }  # fmt: skip
 
     def _look(self) -> dict[str, Any]:
         sim = self.sim
         step = sim.steps[-1] if sim.steps else None
-        limit = sim.limit.accepted()
-        if not np.isfinite(limit):
-            limit = sim.limit.sharp()
-        share = step / limit if step is not None and np.isfinite(limit) and limit > 0.0 else None
+        limit = sim.limit.nearest()
+        known = step is not None and np.isfinite(limit) and limit > 0.0
         found = sim.limit.limit()
+        self.painter.blame(found)
         return {
             "step": step,
-            "share": share,
+            "share": step / limit if step is not None and known else None,
             "limit": {
                 "kind": found.kind,
                 "element": int(found.element),
@@ -344,42 +502,41 @@ class Controller:
 
     def hello(self) -> dict[str, Any]:
         """What a page needs before the first picture, for JSON."""
-        bodies = []
-        for body in self.scene.bodies:
-            numbers = {name: getattr(body.model, name, None) for name in MATERIAL}
-            known = {n: float(v) for n, v in numbers.items() if isinstance(v, int | float)}
-            bodies.append({"name": body.name, "kind": type(body.model).__name__, "model": known})
-        lo, hi = self.snapshot.positions.min(axis=0), self.snapshot.positions.max(axis=0)
-        obstacles = [{"kind": type(o).__name__.lower(), **_plain(o)} for o in self.scene.obstacles]
+        told = self.changes.numbers()
+        bodies = [
+            {"name": body.name, "kind": type(body.model).__name__, "model": model}
+            for body, model in zip(self.scene.bodies, told["models"], strict=True)
+        ]
         return {
             "bodies": bodies,
-            "elements": sum(len(b.mesh.tets) for b in self.scene.bodies),
-            "gravity": float(np.asarray(self.scene.gravity) @ self.down),
-            "down": self.down.tolist(),
-            "lo": lo.tolist(),
-            "hi": hi.tolist(),
-            "obstacles": obstacles,
+            "gravity": told["gravity"],
+            "down": self.changes.down.tolist(),
             "colors": list(COLORS),
-            **self.drawn.topology(self.sim.positions()),
+            "color": self.color,
+            **self.painter.hello(self.sim),
         }
 
 
-def _plain(obstacle: Any) -> dict[str, Any]:
-    kept = ("point", "normal", "center", "radius", "size")
-    found = {name: getattr(obstacle, name) for name in kept if hasattr(obstacle, name)}
-    return {name: np.asarray(value, np.float64).tolist() for name, value in found.items()}
+def _subject(viewer: Any, order: dict[str, Any]) -> tuple[Any, ...]:
+    """What an order is about: a later one about the same supersedes it."""
+    return id(viewer), order["do"], order.get("body"), order.get("name")
 
 
 _ORDERS: dict[str, Callable[..., None]] = {
     "grab": Controller.grab,
+    "pin": Controller.carry_pin,
+    "obstacle": Controller.carry_obstacle,
     "drag": Controller.move,
     "drop": Controller.drop,
     "pause": Controller.pause,
     "step": Controller.single,
     "reset": Controller.reset,
+    "undo": Controller.undo,
+    "record": Controller.record,
     "speed": Controller.set_speed,
     "color": Controller.set_color,
     "hold": Controller.set_hold,
+    "range": Controller.set_range,
     "gravity": Controller.set_gravity,
     "material": Controller.set_material,
 }

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from tisoft.body import Body
 from tisoft.models.materials import MassSpring
+from tisoft.observers.region_colors import first_colors, node_colors
 from tisoft.observers.scenery import body_items
 from tisoft.render.colormap import body_color
 from tisoft.render.items import Capsules, SmoothVertices, Surface
@@ -87,8 +88,24 @@ class Drawn:
             "vertices": smooth.nodes.tolist(),
             "triangles": smooth.triangles.ravel().tolist(),
             "segments": segments.ravel().tolist(),
-            "plain": np.round(255 * plain).astype(int).ravel().tolist(),
+            "plain": _bytes(plain),
+            "regions": _bytes(self._region_colors()),
         }
+
+    def _region_colors(self) -> Floats:
+        """A colour of each row by the region it is in, shape (rows, 3)."""
+        firsts = first_colors(Scene(bodies=[shown.body for shown in self.bodies]))
+        found = []
+        for shown, first in zip(self.bodies, firsts, strict=True):
+            colors = np.zeros((shown.nodes.stop, 3))
+            colors[shown.nodes] = node_colors(shown.body, first)
+            found.append(shown.carried(colors))
+        return np.concatenate(found)
+
+
+def _bytes(colors: Floats) -> list[int]:
+    found: list[int] = np.round(255 * colors).astype(int).ravel().tolist()
+    return found
 
 
 def _shown(body: Body, node: int, row: int) -> Shown:

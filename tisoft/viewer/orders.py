@@ -6,7 +6,9 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-COLORS = ("stress", "strain", "speed", "body")
+COLORS = ("stress", "strain", "speed", "body", "region")
+RECORDS = ("mp4", "gif", "webp", "html")
+"""Kinds of files that are recorded to."""
 MATERIAL = ("young", "poisson", "phi", "eta", "point_damping", "spring_damping")
 """Numbers of a model that may be changed while it runs."""
 
@@ -61,21 +63,27 @@ def _yes(value: Any) -> bool:
 
 _POINT = _list(_number(-1e6, 1e6), 3, 3)
 _ROW = _whole(2**31)
+_HELD: dict[str, Callable[[Any], Any]] = {
+    "rows": _list(_ROW, 1, 3),
+    "weights": _list(_number(-0.01, 1.01), 1, 3),
+    "point": _POINT,
+    "number": _ROW,
+}
 ORDERS: dict[str, dict[str, Callable[[Any], Any]]] = {
-    "grab": {
-        "rows": _list(_ROW, 1, 3),
-        "weights": _list(_number(-0.01, 1.01), 1, 3),
-        "point": _POINT,
-        "number": _ROW,
-    },
+    "grab": _HELD,
+    "pin": _HELD,
+    "obstacle": {"obstacle": _whole(10_000), "point": _POINT, "number": _ROW},
     "drag": {"point": _POINT, "number": _ROW},
     "drop": {},
     "pause": {"on": _yes},
     "step": {},
     "reset": {},
+    "undo": {},
+    "record": {"on": _yes, "kind": _word(*RECORDS)},
     "speed": {"value": _number(0.01, 10.0)},
     "color": {"name": _word(*COLORS)},
     "hold": {"on": _yes},
+    "range": {"value": _number(1e-30, 1e30)},
     "gravity": {"value": _number(-1e3, 1e3)},
     "material": {
         "body": _whole(10_000),
@@ -95,9 +103,9 @@ def checked(message: Any) -> dict[str, Any]:
     order: dict[str, Any] = {"do": message["do"]}
     for name, check in parts.items():
         order[name] = check(message[name])
-    if order["do"] == "grab":
+    if "rows" in order:
         if len(order["rows"]) != len(order["weights"]):
-            raise BadOrder("grab takes as many weights as rows")
+            raise BadOrder("a hand takes as many weights as rows")
         if abs(sum(order["weights"]) - 1.0) > 1e-3:
-            raise BadOrder("the weights of a grab sum to 1")
+            raise BadOrder("the weights of a hand sum to 1")
     return order

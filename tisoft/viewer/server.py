@@ -2,7 +2,7 @@
 
 To a page: JSON text "hello" once and "status" five times a second; binary pictures
 
-    u32 number, u32 drag, f32 time, f32 top, u32 colour,
+    u32 number, u32 drag, f32 time, f32 top, u32 colour, f32 extra numbers (see `picture`),
     then f32 x, y, z per drawn row, then u8 value per drawn row        (little-endian)
 
 From a page: JSON text orders (see `orders`), and {"ack": number} once a picture is drawn.  At most
@@ -30,10 +30,9 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from tisoft.errors import SceneError
-from tisoft.observers.scenery import COLORMAP
-from tisoft.render.colormap import table
-from tisoft.viewer.controller import Controller, Snapshot
+from tisoft.viewer.controller import Controller
 from tisoft.viewer.orders import COLORS, BadOrder, checked
+from tisoft.viewer.picture import Snapshot
 
 PAGE = Path(__file__).parent / "page"
 FILES = {
@@ -68,7 +67,8 @@ def packed(shot: Snapshot) -> bytes:
     head = struct.pack(
         "<IIffI", shot.number, shot.drag, shot.time, shot.top, COLORS.index(shot.color)
     )
-    return head + shot.positions.astype("<f4").tobytes() + shot.values.tobytes()
+    places = shot.extra.astype("<f4").tobytes() + shot.positions.astype("<f4").tobytes()
+    return head + places + shot.values.tobytes()
 
 
 class Server:
@@ -84,9 +84,7 @@ class Server:
         self.sent = 0
         self._told: dict[str, Any] = {}
         self._clients: set[_Client] = set()
-        self._hello = control.hello()
-        colors = (255.0 * table(COLORMAP)).round().astype(int)
-        self._hello.update(hello=True, color=control.color, map=colors.ravel().tolist())
+        self._hello = {"hello": True, **control.hello()}
         self._socket = _bound(host, port)
         self.port = int(self._socket.getsockname()[1])
         self._ready = threading.Event()
