@@ -73,6 +73,10 @@ def _split(field: str, value: Any) -> str:
     return checks.choice(field, value, ("five", "six", "hex"))
 
 
+def _tets_or_hex(field: str, value: Any) -> str:
+    return checks.choice(field, value, ("tets", "hex"))
+
+
 def _layers_or_rings(keys: Table) -> str:
     return "resolution" if 18.0 * keys["resolution"] ** 2 > MOST_ELEMENTS else "height"
 
@@ -95,15 +99,17 @@ SHAPES: dict[str, Shape] = {
     ),
     "ball": Shape(
         shapes.ball,
-        {"radius": _length, "resolution": _count},
-        lambda keys: 20.0 * keys["resolution"] ** 3,
+        {"radius": _length, "resolution": _count, "split": _tets_or_hex},
+        lambda keys: (5.0 if keys.get("split") == "hex" else 20.0) * keys["resolution"] ** 3,
         lambda keys: "resolution",
+        ("split",),
     ),
     "cylinder": Shape(
         shapes.cylinder,
-        {"radius": _length, "height": _length, "resolution": _count},
+        {"radius": _length, "height": _length, "resolution": _count, "split": _tets_or_hex},
         _layered,
         _layers_or_rings,
+        ("split",),
     ),
     "cloth": Shape(
         shapes.cloth,
@@ -194,7 +200,7 @@ def _of_element(field: str, value: Any, mesh: Mesh) -> Mesh:
     if wanted in mesh.cells:
         return mesh
     has = ", ".join(mesh.cells) or "springs alone"
-    remedy = 'split = "hex" makes hexes of a box' if wanted == "hex8" else "leave the key out"
+    remedy = 'split = "hex" makes hexes of a shape' if wanted == "hex8" else "leave the key out"
     raise FieldError(field, f"cannot be had: the mesh has {has}; {remedy}", value)
 
 

@@ -7,6 +7,7 @@ from tisoft.errors import MeshError
 from tisoft.geometry.mesh import TetMesh
 from tisoft.geometry.quality import altitudes, quality
 from tisoft.geometry.shapes import ball, box, cloth, cylinder, grid, net
+from tisoft.geometry.surface import closed, solid_moments
 
 SOLIDS = {
     "five": (box((1.0, 0.2, 0.3), (4, 3, 5)), 0.06),
@@ -69,6 +70,25 @@ def test_ball_and_cylinder_keep_their_quality_when_refined():
     for resolution in (1, 2, 5, 9):
         assert quality(ball(1.0, resolution)).min() > 0.5
         assert quality(cylinder(1.0, 1.5, resolution)).min() > 0.5
+
+
+@pytest.mark.parametrize("resolution", [1, 2, 5])
+def test_balls_and_cylinders_of_hexahedra(resolution):
+    """Whole, closed, on their surface, of cells that are alike."""
+    round_, tall = ball(0.5, resolution, split="hex"), cylinder(0.5, 1.0, resolution, split="hex")
+    for mesh, volume, away in (
+        (round_, np.pi / 6, np.linalg.norm(round_.points, axis=1)),
+        (tall, np.pi / 4, np.hypot(tall.points[:, 0], tall.points[:, 2])),
+    ):
+        assert mesh.pieces == 1
+        assert away.max() == pytest.approx(0.5)
+        assert mesh.volumes.sum() == pytest.approx(volume, rel=1.4 / resolution**2)
+        assert mesh.volumes.sum() < volume
+        assert mesh.volumes.max() < 4.2 * mesh.volumes.min()
+        solid = solid_moments(mesh.points, mesh.surface.astype(np.int64))[0]
+        assert solid == pytest.approx(mesh.volumes.sum(), rel=0.02)  # quads drawn as triangles
+        closed(mesh.points, mesh.surface.astype(np.int64))
+    assert np.ptp(tall.points[:, 1]) == 1.0
 
 
 def test_every_surface_node_of_a_ball_lies_on_its_sphere():

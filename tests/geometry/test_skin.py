@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import tisoft as ts
+from tisoft.geometry.solid import quadratic, solid_mesh
 
 PYRAMID = np.array([[0.2, 0.2, 0.2], [0.8, 0.2, 0.2], [0.2, 0.8, 0.2], [0.3, 0.3, 0.7]])
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
@@ -28,6 +29,29 @@ def test_every_point_is_carried_by_the_tet_that_holds_it(cube):
     skin = ts.skin(cube, points, [[0, 1, 2]])
     assert skin.weights.min() > -1e-9
     assert skin.carried(cube.points) == pytest.approx(points)
+
+
+@pytest.mark.parametrize(
+    "make, field",
+    [
+        (lambda: ts.box((1, 1, 1), (3, 2, 2), split="hex"), lambda x, y, z: 1 + x * y * z - y * z),
+        (lambda: quadratic(ts.box((1, 1, 1), (2, 2, 2))), lambda x, y, z: x * x + y * z - 2 * z),
+    ],
+)
+def test_a_skin_bends_as_the_cells_do(make, field):
+    """Fields that hexahedra and quadratic tets hold exactly are carried exactly."""
+    mesh = make()
+    points = np.random.default_rng(2).uniform(0.0, 1.0, (300, 3))
+    skin = ts.skin(mesh, points, [[0, 1, 2]])
+    values = field(*mesh.points.T)
+    assert skin.carried(values[:, None])[:, 0] == pytest.approx(field(*points.T), abs=1e-12)
+    bent = solid_mesh(
+        mesh.points + 0.05 * np.sin(3 * mesh.points[:, ::-1]),
+        quadratic_tets=mesh.quadratic_tets,
+        hexes=mesh.hexes,
+    )
+    inside = 0.1 + 0.8 * points
+    assert ts.skin(bent, inside, [[0, 1, 2]]).carried(bent.points) == pytest.approx(inside)
 
 
 def test_a_point_a_little_outside_is_carried_along(cube):
@@ -93,7 +117,7 @@ def test_the_skin_of_a_scene_is_put_where_its_body_is(tmp_path):
         ("[body.skin]", r"body\[0\].skin.file is missing"),
         ('[body.skin]\nfile = "none.obj"', r"body\[0\].skin.file = \"none.obj\" is not found"),
         ('[body.skin]\nfile = "skin.obj"\nsize = 2', r"body\[0\].skin.size"),
-        ('[body.skin]\nfile = "far.obj"', "lies away from the tets"),
+        ('[body.skin]\nfile = "far.obj"', "lies away from the body's cells"),
     ],
 )
 def test_a_wrong_skin_is_told_in_a_sentence(tmp_path, skin, told):

@@ -111,7 +111,8 @@ def _reason(limits: list[RestLimits], least: RestLimits, element: int) -> str:
     viscous = float(least.steps(damped=False).min() / least.steps().min())
     if viscous > UNUSUAL:
         found.append(f"damping makes the step {viscous:.2g} times smaller")
-    why = " and ".join(found) or f"the body's {least.kind}s are much alike: the mesh size sets it"
+    many = "hexes" if least.kind == "hex" else f"{least.kind}s"
+    why = " and ".join(found) or f"the body's {many} are much alike: the mesh size sets it"
     now = float(least.steps().min())
     others = [limit.steps().min() for limit in limits if limit is not least]
     gain = float(min([least.steps(without=element).min(initial=np.inf), *others])) / now

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tisoft.errors import MeshError
-from tisoft.geometry import topology
+from tisoft.geometry import round_hexes, topology
 from tisoft.geometry.cells import LATTICE
 from tisoft.geometry.checks import FLAT
 from tisoft.geometry.mesh import Floats, SpringNet, TetMesh, bare_net
@@ -54,20 +54,27 @@ def box(size: Sequence[float], cells: Sequence[int], *, split: str = "five") -> 
         raise MeshError(f'box split must be "five", "six" or "hex", not {split!r}')
     corners = _cell_corners(counts)
     if split == "hex":
-        points = _lattice(lengths, counts)
-        return SolidMesh(points, np.arange(len(points)), hexes=corners[:, LATTICE].astype(np.int32))
+        return _of_hexes(_lattice(lengths, counts), corners[:, LATTICE])
     tets = _five_tets(corners, counts) if split == "five" else corners[:, _oriented(_SIX)]
     return _whole(_lattice(lengths, counts), tets.reshape(-1, 4))
 
 
-def ball(radius: float, resolution: int) -> TetMesh:
+@overload
+def ball(radius: float, resolution: int, *, split: Literal["tets"] = "tets") -> TetMesh: ...
+@overload
+def ball(radius: float, resolution: int, *, split: Literal["hex"]) -> SolidMesh: ...
+def ball(radius: float, resolution: int, *, split: str = "tets") -> TetMesh | SolidMesh:
     """A ball round the origin, of 20 resolution³ tets.
 
     `radius` [m]; `resolution` elements along the radius.  An icosahedron's 20 cones are cut into
-    concentric shells, so every node lies on a sphere about the origin.  Raises MeshError.
+    concentric shells, so every node lies on a sphere about the origin.  split "hex" makes about
+    5 resolution³ hexahedra: a block in the middle, layers around it.  Raises MeshError.
     """
     (length,) = _lengths("ball", [radius], 1)
     (shells,) = _counts("ball", [resolution], 1)
+    if _is_hex("ball", split):
+        _refuse_too_many("ball", 5 * shells**3)
+        return _of_hexes(*round_hexes.hex_ball(length, shells))
     _refuse_too_many("ball", 20 * shells**3)
     vertices, faces = _icosahedron()
     steps, tets = _cut_cone(shells)
@@ -84,17 +91,29 @@ def ball(radius: float, resolution: int) -> TetMesh:
     return _whole(points, merged.reshape(-1)[corners.reshape(-1, 4)])
 
 
-def cylinder(radius: float, height: float, resolution: int) -> TetMesh:
+@overload
+def cylinder(
+    radius: float, height: float, resolution: int, *, split: Literal["tets"] = "tets"
+) -> TetMesh: ...
+@overload
+def cylinder(
+    radius: float, height: float, resolution: int, *, split: Literal["hex"]
+) -> SolidMesh: ...
+def cylinder(
+    radius: float, height: float, resolution: int, *, split: str = "tets"
+) -> TetMesh | SolidMesh:
     """A cylinder about the y axis, standing on y = 0.
 
     `radius`, `height` [m]; `resolution` elements along the radius and as many layers as make them
     as high as wide.  Six sectors are cut into rings; prisms are cut into three tets, mirrored from
-    layer to layer.  Raises MeshError.
+    layer to layer.  split "hex" makes about 3 resolution² hexahedra a layer.  Raises MeshError.
     """
     length, tall = _lengths("cylinder", [radius, height], 2)
     (rings,) = _counts("cylinder", [resolution], 1)
     layers = max(1.0, float(np.rint(tall / (length / rings))))
     _refuse_too_many("cylinder", 18 * rings**2 * layers)
+    if _is_hex("cylinder", split):
+        return _of_hexes(*round_hexes.hex_cylinder(length, tall, rings))
     disc, triangles = _disc(rings)
     levels = np.arange(int(layers) + 1)
     points = np.empty((len(levels), len(disc), 3))
@@ -169,6 +188,16 @@ def flat_axis(lengths: Sequence[float], counts: Sequence[int]) -> int | None:
     sides = [length / count for length, count in zip(lengths, counts, strict=True)]
     thin, *others = sorted(sides)
     return sides.index(thin) if thin < FLAT * math.hypot(*others) else None
+
+
+def _is_hex(shape: str, split: str) -> bool:
+    if split not in ("tets", "hex"):
+        raise MeshError(f'{shape} split must be "tets" or "hex", not {split!r}')
+    return split == "hex"
+
+
+def _of_hexes(points: Floats, hexes: Rows) -> SolidMesh:
+    return SolidMesh(points, np.arange(len(points)), hexes=hexes.astype(np.int32))
 
 
 def _whole(points: Floats, tets: Rows) -> TetMesh:

@@ -1,7 +1,8 @@
-"""A fine surface carried by a coarse mesh of tets.
+"""A fine surface carried by a coarse mesh.
 
-Every point of the surface has the barycentric coordinates w of the tet that holds it, or of the
-nearest one, so that it moves as that tet does: x = Σ w_k x_k over the four corners, Σ w_k = 1.
+Every point of the surface has the shape functions w of the cell that holds it, or of the nearest
+one, so that it moves as that cell does: x = Σ w_k x_k over its nodes, Σ w_k = 1.  In linear tets
+they are the barycentric coordinates.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tisoft.errors import MeshError
+from tisoft.geometry import carrying
 from tisoft.geometry.checks import check_finite, check_range, index_rows, positions
 from tisoft.geometry.mesh import SolidMesh, SpringNet, TetMesh, moved
 from tisoft.geometry.surface import read_surface
@@ -54,11 +56,11 @@ class Skin:
 
 
 def skin(mesh: TetMesh | SolidMesh, points: ArrayLike, triangles: ArrayLike) -> Skin:
-    """The surface with these points [m] and triangles, carried by the tets of a mesh at rest.
+    """The surface with these points [m] and triangles, carried by the cells of a mesh at rest.
 
     Raises:
-        MeshError: a mesh without tets, numbers that are not finite, a triangle with a point that is
-            not there, or a surface that lies away from the tets.
+        MeshError: a mesh without cells, numbers that are not finite, a triangle with a point that
+            is not there, or a surface that lies away from the cells.
     """
     if isinstance(mesh, SpringNet):
         raise MeshError("a skin is carried by tets or hexes, and this mesh has none")
@@ -73,10 +75,39 @@ def skin(mesh: TetMesh | SolidMesh, points: ArrayLike, triangles: ArrayLike) -> 
         worst = int(far.argmax())
         place = ", ".join(f"{x:.6g}" for x in places[worst])
         raise MeshError(
-            f"point {worst} of the skin, at ({place}), lies away from the tets; "
+            f"point {worst} of the skin, at ({place}), lies away from the body's cells; "
             "place both in the same coordinates and units"
         )
-    return Skin(rows.astype(np.int32), mesh.carriers[tets].astype(np.int32), weights)
+    corners, weights = _by_cells(mesh, places, tets, weights)
+    return Skin(rows.astype(np.int32), corners.astype(np.int32), weights)
+
+
+def _by_cells(
+    mesh: TetMesh | SolidMesh, places: Floats, tets: NDArray[np.int64], weights: Floats
+) -> tuple[NDArray[np.integer], Floats]:
+    """Nodes that carry places, and their shares, where tets do with barycentric coordinates; all
+    rows have the width of the largest cell.
+    """
+    corners = mesh.carriers[tets]
+    if isinstance(mesh, TetMesh):
+        return corners, weights
+    cell, begun = mesh.carriers_of[1][tets], 0
+    width = max(rows.shape[1] for rows in mesh.cells.values())
+    nodes, shares = np.repeat(corners[:, :1], width, axis=1), np.zeros((len(places), width))
+    nodes[:, :4], shares[:, :4] = corners, weights
+    for word, rows in mesh.cells.items():
+        own = np.flatnonzero((cell >= begun) & (cell < begun + len(rows)))
+        mine = rows[cell[own] - begun]
+        begun += len(rows)
+        if word == "tet4" or not len(own):
+            continue
+        where = (mine[:, None] == corners[own][..., None]).argmax(axis=2)
+        start = np.einsum("pk,pki->pi", weights[own], carrying.PLACES[word][where])
+        found = carrying.shares(word, mesh.points[mine], places[own], start)
+        good = np.isfinite(found).all(axis=1)
+        row, columns = own[good, None], np.arange(mine.shape[1])
+        nodes[row, columns], shares[row, columns] = mine[good], found[good]
+    return nodes, shares
 
 
 def _holders(mesh: TetMesh | SolidMesh, places: Floats) -> tuple[NDArray[np.int64], Floats]:
@@ -113,7 +144,7 @@ def read_skin(
     translate: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> Skin:
     """The surface of a file (.obj, .off, .ply, .stl, .vtp), scaled, turned about x, y and z
-    [degrees] and moved [m], and carried by the tets of a mesh.
+    [degrees] and moved [m], and carried by the cells of a mesh.
 
     Raises:
         MeshError: one sentence that names the file.

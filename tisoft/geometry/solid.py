@@ -159,24 +159,31 @@ class SolidMesh:
         """Number of parts that share no node."""
         return topology.pieces(self.edges, len(self.points))
 
-    @cached_property
+    @property
     def carriers(self) -> Ints:
         """Linear tets that fill the cells, for what the mesh carries, shape (tets, 4)."""
-        found = [self.tets, self.quadratic_tets[:, SMALL_TETS].reshape(-1, 4)]
+        return self.carriers_of[0]
+
+    @cached_property
+    def carriers_of(self) -> tuple[Ints, NDArray[np.int64]]:
+        """The carriers, and the number of the cell that each is a piece of."""
+        quadratic = self.quadratic_tets[:, SMALL_TETS].reshape(-1, 4)
+        begun = np.cumsum([0, len(self.tets), len(self.quadratic_tets)])
+        found = [self.tets, quadratic]
+        cells = [np.arange(begun[1]), np.repeat(np.arange(begun[1], begun[2]), len(SMALL_TETS))]
         # Hexahedra are cut from their smallest corner, so that neighbours agree on their faces.
         first = self.hexes.argmin(axis=1) if len(self.hexes) else np.empty(0, np.int64)
         for corner in range(8):
-            mine = self.hexes[first == corner]
+            own = np.flatnonzero(first == corner)
             for face in HEX8.faces:
-                if corner not in face:
-                    quad = mine[:, face]
-                    turn = (quad.argmin(axis=1)[:, None] + np.arange(4)) % 4 if len(quad) else None
-                    if turn is None:
-                        continue
+                if corner not in face and len(own):
+                    quad = self.hexes[own][:, face]
+                    turn = (quad.argmin(axis=1)[:, None] + np.arange(4)) % 4
                     quad = np.take_along_axis(quad, turn, axis=1)
-                    apex = mine[:, [corner]]
+                    apex = self.hexes[own][:, [corner]]
                     found += [np.hstack([apex, quad[:, third]]) for third in ([0, 1, 2], [0, 2, 3])]
-        return np.concatenate(found).astype(np.int32)
+                    cells += [begun[2] + own] * 2
+        return np.concatenate(found).astype(np.int32), np.concatenate(cells)
 
     def transformed(
         self,
