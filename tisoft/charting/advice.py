@@ -11,14 +11,15 @@ from typing import Any
 from tisoft.changes import scene_with
 from tisoft.charting.chart import Chart, told
 from tisoft.charting.estimate import ROUNDING
-from tisoft.charting.survey import Judged, Survey
+from tisoft.charting.judged import Judged
+from tisoft.charting.survey import Survey
 from tisoft.errors import SceneError
 from tisoft.scene import Scene
 
 SMALL_TURN = math.radians(2.0)
 """Rotation [rad] below which linear elasticity is enough."""
-SECONDS = 30.0
-"""Budget [s] where the kernels are still to be compiled; a scene of 2,000 tets then takes ten."""
+SECONDS = 9.0
+"""Budget [s] of one piece of advice, compiling left out."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,8 @@ class Advice:
             "status": "done",
             "tolerance": self.tolerance,
             "choice": {
-                "model": self.choice.model, "element": self.choice.element,
+                "name": self.choice.name, "model": self.choice.model,
+                "element": self.choice.element,
                 "mesh": f"{self.choice.elements} elements, {self.choice.nodes} nodes",
                 "set": {key: value for key, _, value in pairs},
             },
@@ -69,6 +71,8 @@ def advise(
     tolerance: float = 0.02,
     *,
     settings: Sequence[str] = (),
+    bodies: Sequence[int] | None = None,
+    same_probes: bool = False,
     tick: Callable[[str], Any] = lambda name: None,
 ) -> Advice:
     """The least variant of a scene that is good enough.
@@ -77,6 +81,8 @@ def advise(
         scene: a scene file, or a Scene.
         tolerance: relative error of sag and frequencies that is allowed.
         settings: KEY=VALUE, as --set takes them.
+        bodies: numbers of those that may vary; left out, all.
+        same_probes: leave out meshes that have no nodes where the probes are.
         tick: told the name of each variant before it is computed.
 
     Raises:
@@ -84,15 +90,16 @@ def advise(
     """
     if not 0.0 < tolerance < 1.0:
         raise SceneError(f"tolerance is {tolerance:g}; give a relative error, as 0.02 for 2 %")
-    survey = Survey(scene, SECONDS, settings, tick=tick)
+    survey = Survey(scene, SECONDS, settings, tick=tick, bodies=bodies, patient=True)
     least = ROUNDING[survey.scene.precision]
     if tolerance < least:
         raise SceneError(
             f"tolerance is {tolerance:g}, below what {survey.scene.precision} keeps ({least:g}); "
             'give a larger one, or precision = "f64"'
         )
-    chart = Chart(survey.measure(others=False), survey.warnings)
-    return _advice(survey, chart, tolerance)
+    survey.same_probes = same_probes
+    survey.measure(others=False)
+    return _advice(survey, Chart(survey.judged(), survey.warnings), tolerance)
 
 
 def _advice(survey: Survey, chart: Chart, tolerance: float) -> Advice:
@@ -100,49 +107,61 @@ def _advice(survey: Survey, chart: Chart, tolerance: float) -> Advice:
     doubts = []
     if choice is None:
         choice = min(chart.variants, key=lambda v: v.worst.most)
-        doubts.append(
-            f"no variant is certain to err by less than {100 * tolerance:g} %: the best that the "
-            f"budget reached is {choice.name}, which errs by {told(choice.worst)}"
-        )
-    if survey.scene.obstacles:
-        doubts.append("the scene has obstacles, and contact may decide its error: it is not in it")
-    if survey.numbered:
-        doubts.append("pins or loads select nodes by number, which finer meshes do not follow")
-    if survey.springs:
-        doubts.append("springs have no ruler but themselves: the model's own error is not counted")
-    if not survey.static and not survey.free:
-        doubts.append("there is no static answer to judge by: only frequencies were compared")
+        doubts.append(_short_of(survey, choice, tolerance))
+    doubts += survey.doubts()
     own = survey.source if isinstance(survey.source, Scene) else str(survey.source)
     changed = scene_with(own, (*survey.settings, *choice.settings))
+    told_before = [w for w in chart.warnings if w not in doubts]
     return Advice(
         changed, choice, now, tolerance, _reasons(survey, chart, choice, tolerance), not doubts,
-        [*doubts, *chart.warnings],
+        [*doubts, *told_before],
     )  # fmt: skip
+
+
+def _short_of(survey: Survey, choice: Judged, tolerance: float) -> str:
+    bar = max(ruler.bar for ruler in survey.rulers.values())
+    if bar > tolerance:
+        return (
+            f"tolerance {tolerance:g} is below the ruler's own bar ({bar:.2g}): nothing can be "
+            f"certain to keep it; the best found is {choice.name}, which errs by "
+            f"{told(choice.worst)}"
+        )
+    return (
+        f"no variant is certain to err by less than {100 * tolerance:g} %: the best that the "
+        f"time reached is {choice.name}, which errs by {told(choice.worst)}"
+    )
 
 
 def _reasons(survey: Survey, chart: Chart, choice: Judged, tolerance: float) -> list[str]:
     limit = f"{100 * tolerance:g} %"
     reasons = [
-        f"{choice.name} errs by {told(choice.worst)} and costs {choice.cost:.3g} s a second."
+        f"{_named(choice)} errs by {told(choice.worst)} and costs {choice.cost:.2g} s of computing "
+        "a simulated second."
     ]
     coarser = [v for v in chart.variants if v.cost < choice.cost and v.worst.most > tolerance]
     if coarser and choice.worst.most <= tolerance:
-        next_ = max(coarser, key=lambda v: v.cost)
+        next_ = min(coarser, key=lambda v: v.worst.most)
         reasons.append(
-            f"The next cheaper, {next_.name}, may err by {100 * next_.worst.most:.2g} %, more than "
-            f"{limit}."
+            f"{_named(next_)} would be cheaper but too coarse: it may err by "
+            f"{100 * next_.worst.most:.2g} %, more than {limit}."
         )
     now = chart.current
-    if now is not choice and now.cost > choice.cost and now.worst.most > choice.worst.most:
+    if now.name != choice.name and now.cost > choice.cost:
         reasons.append(
-            f"The scene as it is errs by {told(now.worst)} for {now.cost / choice.cost:.3g} times "
+            f"The scene as it is errs by {told(now.worst)} for {now.cost / choice.cost:.2g} times "
             "the cost."
         )
-    elif survey.static:
-        turn = survey.bench.ask("static", survey.catalogue.current).get("turn")
-        if turn is not None and turn < SMALL_TURN:
-            reasons.append(
-                f'No cell turns by more than {math.degrees(turn):.1g} degrees: model = "linear" '
-                "would be enough."
-            )
+    elif now.name != choice.name:
+        reasons.append(f"The scene as it is is too coarse: it errs by {told(now.worst)}.")
+    turn = (survey.known("static", survey.catalogue.current) or {}).get("turn")
+    if turn is not None and turn < SMALL_TURN and choice.model not in ("linear", "mass-tensor"):
+        reasons.insert(
+            1,
+            f"No cell turns by more than {math.degrees(turn):.1g} degrees under its loads: "
+            'model = "linear" would be enough.',
+        )
     return reasons[:3]
+
+
+def _named(variant: Judged) -> str:
+    return "The scene as it is" if variant.current else variant.name

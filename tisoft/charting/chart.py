@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from tisoft.charting.estimate import Error
-from tisoft.charting.survey import Judged, Survey
+from tisoft.charting.judged import Judged
+from tisoft.charting.steps import StepSide, step_side
+from tisoft.charting.survey import Survey
 from tisoft.errors import SceneError
 from tisoft.scene import Scene
 
@@ -23,6 +25,8 @@ class Chart:
     """The scene itself first."""
     warnings: list[str] = field(default_factory=list)
     """What a user should know of it, a sentence each."""
+    steps: StepSide | None = None
+    """How error and cost depend on the step."""
 
     @property
     def current(self) -> Judged:
@@ -48,6 +52,8 @@ class Chart:
         """What the chart says, in two sentences."""
         now = self.current
         parts = [f"{told(e)} {WORDS[q]}" for q, e in now.errors.items() if q != "path"]
+        if now.ran and "path" in now.decides:
+            parts.append(f"{told(now.errors['path'])} {WORDS['path']}")
         first = f"Your scene errs by {' and '.join(parts)}, as predicted."
         same = [v for v in self.variants if not v.current and v.worst.most <= now.worst.most]
         best = min(same, key=lambda v: v.cost, default=None)
@@ -72,6 +78,7 @@ class Chart:
             "current": self.current.name,
             "best": {f"{t:g}": v.name if (v := self.least(t)) else None for t in TOLERANCES},
             "sentences": self.sentences(),
+            "step": self.steps.result() if self.steps else None,
             "warnings": self.warnings,
         }
 
@@ -110,7 +117,7 @@ def _as_dict(v: Judged) -> dict[str, Any]:
         "nodes": v.nodes, "step": v.step, "stable_step": v.stable_step, "cost": v.cost,
         "error": {q: e.value for q, e in v.errors.items()}, "bar": v.worst.bar,
         "bars": {q: e.bar for q, e in v.errors.items()}, "pareto": v.pareto,
-        "current": v.current, "set": list(v.settings), "timed": True,
+        "current": v.current, "set": list(v.settings), "timed": v.timed, "path_ran": v.ran,
     }  # fmt: skip
 
 
@@ -127,4 +134,18 @@ def chart(scene: str | Path | Scene, *, budget: float = 60.0) -> Chart:
     if not budget > 0.0:
         raise SceneError(f"budget is {budget:g}; give seconds above 0")
     survey = Survey(scene, budget)
-    return Chart(survey.measure(), survey.warnings)
+    survey.measure()
+    return chart_of(survey)
+
+
+def chart_of(survey: Survey) -> Chart:
+    """The chart of what a survey has found so far; raises SceneError where that is too little."""
+    found = survey.judged()
+    if len(found) < 2:
+        needs = max(2.0 * survey.budget, 2.0 * survey.spent())
+        raise SceneError(
+            f"a budget of {survey.budget:g} s is too small for two variants of this scene; give "
+            f"{needs:.0f} or more"
+        )
+    steps = step_side(survey, found[0])
+    return Chart(found, [*survey.warnings, *survey.doubts()], steps)

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from tisoft.study import pictures
 
 if TYPE_CHECKING:
     from tisoft.charting.chart import Chart
-    from tisoft.charting.survey import Judged
+    from tisoft.charting.judged import Judged
+    from tisoft.charting.steps import StepSide
 
 LOOK = {
     "tet4": ("o", pictures.BLUE), "tet10": ("s", pictures.RED), "hex8": ("D", pictures.GREEN),
     "spring": ("^", pictures.ORANGE),
 }  # fmt: skip
 """Marker and colour of each element: the shape tells as much as the colour."""
+COLORS = (pictures.BLUE, pictures.RED, pictures.GREEN)
 MOST_LABELS = 12
 
 
@@ -79,9 +84,63 @@ def _label(ax: Any, chart: Chart) -> None:
 
 def files(chart: Chart) -> tuple[bytes, str]:
     """The picture as PNG and as SVG."""
+    return _written((8.6, 5.6), lambda figure: draw(figure.subplots(), chart))
+
+
+def step_picture(chart: Chart) -> str:
+    """The step side as SVG; empty where the chart has none."""
+    side = chart.steps
+    if side is None:
+        return ""
+    return _written((8.6, 4.6), lambda figure: draw_steps(figure, side))[1]
+
+
+def draw_steps(figure: Any, side: StepSide) -> None:
+    """Error above and cost below, against the step as a share of the limit."""
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+    styles = ("-", "--", ":")
+    for curve, style, color in zip(side.curves, styles, COLORS, strict=False):
+        stable = np.isfinite(curve.errors)
+        x, y = curve.steps[stable] / side.limit, curve.errors[stable]
+        above.plot(x, y, style, color=color, marker="o", ms=3)
+        above.annotate(
+            curve.integrator, (x[3], y[3]), (4, 6 if style == "-" else -12),
+            textcoords="offset points", fontsize=8, color=color,
+        )  # fmt: skip
+    cost = side.curves[0]
+    below.plot(cost.steps / side.limit, cost.costs, color=pictures.GREY)
+    above.axhline(side.mesh, color=pictures.GREY, lw=1.0)
+    above.annotate(
+        "what mesh and model err by", (0.05, side.mesh), (2, 3), textcoords="offset points",
+        fontsize=8, color=pictures.GREY,
+    )  # fmt: skip
+    for axes in (above, below):
+        axes.axvspan(1.0, 2.0, color="0.88", zorder=0)
+        axes.axvline(side.step / side.limit, color=pictures.BLACK, lw=1.2)
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+    above.annotate(
+        f"now: {100 * side.step / side.limit:.0f} % of the limit", (side.step / side.limit, 1.0),
+        (-4, -10), xycoords=("data", "axes fraction"), textcoords="offset points", ha="right",
+        fontsize=8,
+    )  # fmt: skip
+    above.annotate(
+        "past the limit:\nit blows up", (1.06, 0.5), xycoords=("data", "axes fraction"), fontsize=8
+    )
+    above.set_ylabel("error of the step alone")
+    below.set_ylabel("s a simulated s")
+    below.set_xlabel(f"step, as a share of the stable limit ({side.limit:.3g} s)")
+    below.set_xlim(0.05, 2.0)
+    below.set_xticks(
+        [0.05, 0.1, 0.2, 0.5, 1.0, 2.0], ["5 %", "10 %", "20 %", "50 %", "100 %", "200 %"]
+    )
+    below.minorticks_off()
+
+
+def _written(size: tuple[float, float], fill: Callable[[Any], None]) -> tuple[bytes, str]:
     with pictures.matplotlib_style() as figure_class:
-        figure = figure_class(figsize=(8.6, 5.6))
-        draw(figure.subplots(), chart)
+        figure = figure_class(figsize=size)
+        fill(figure)
         png, svg = io.BytesIO(), io.StringIO()
         figure.savefig(png, format="png", dpi=110, metadata={"Software": None})
         figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": None})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import pickle
 import time
@@ -19,15 +20,24 @@ from tisoft.changes import MODEL_WORDS, scene_with
 from tisoft.charting.carriers import carrier
 from tisoft.charting.variants import Variant
 from tisoft.errors import Diverged, NoEquilibrium, TisoftError
+from tisoft.models.materials import MassSpring
 from tisoft.scene import Scene
 from tisoft.version import version
 
 Floats = NDArray[np.float64]
 
+FORM = b"2"
+"""Changes where records hold other things than before."""
 MODES = 3
 """Elastic modes that are compared."""
 TIMED = 0.3
 """Seconds of stepping that a cost is timed in."""
+LONG_FRAME = 0.1
+"""Seconds of computing above which a frame is timed by some of its substeps."""
+FIRST_FRAMES = 12
+"""Frames made before those that are timed: a run makes its first ones one by one."""
+DRAWN = 6000
+"""Nodes up to which displacements are kept for pictures."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +78,7 @@ class Bench:
             content = pickle.dumps(source)
         else:
             content = os.path.realpath(source).encode() + Path(source).read_bytes()
-        self._mark = content + version().encode() + repr(places).encode()
+        self._mark = content + FORM + version().encode() + repr(places).encode()
 
     def key(self, variant: Variant) -> str:
         """What a variant's results depend on."""
@@ -84,7 +94,7 @@ class Bench:
         return scene_with(self.source, variant.settings)
 
     def ask(self, what: str, variant: Variant) -> dict[str, Any]:
-        """ "size", "static", "modes", "exact modes" or "timing" of a variant, computed once.
+        """ "size", "static", "modes", "exact modes", "step", "timing" or "path", computed once.
 
         A failure is kept as {"error": sentence}.
         """
@@ -115,6 +125,9 @@ def size_of(scene: Scene, places: list[Place]) -> dict[str, Any]:
         "element": "spring" if springs else "+".join(kinds) or "spring",
         "elements": sum(counts),
         "nodes": sum(len(body.mesh.points) for body in scene.bodies),
+        "precision": scene.precision,
+        "integrator": scene.integrator,
+        "frame_rate": scene.frame_rate,
     }
 
 
@@ -139,9 +152,15 @@ def static_of(scene: Scene, places: list[Place]) -> dict[str, Any]:
         "work": weighed,
         "turn": _turn(scene, found.positions),
         "most": float(np.linalg.norm(found.positions - rest, axis=1).max()),
-        "positions": found.positions.astype(np.float32).tolist() if len(rest) < 4000 else None,
+        "shape": _rounded(found.positions - rest) if len(rest) <= DRAWN else None,
         "warnings": found.warnings,
     }
+
+
+def _rounded(u: Floats) -> list[list[float]]:
+    """Displacements [m] to four digits of the largest: enough for a picture."""
+    unit = 1e-4 * (float(np.abs(u).max(initial=0.0)) or 1.0)
+    return [[float(f"{x:.6g}") for x in row] for row in np.round(u / unit) * unit]
 
 
 def _turn(scene: Scene, positions: Floats) -> float | None:
@@ -163,15 +182,19 @@ def _turn(scene: Scene, positions: Floats) -> float | None:
 def modes_of(
     scene: Scene, places: list[Place], mass: Literal["consistent"] | None = None
 ) -> dict[str, Any]:
-    """The lowest elastic frequencies [Hz], and how many motions cost no energy."""
+    """The lowest elastic frequencies [Hz], at rest; of nets that are slack there, under load."""
     from tisoft.equilibrium.modes import natural_modes
 
-    for rigid in (0, 6 * len(scene.bodies), 6 * len(scene.bodies) + 40):
-        found = natural_modes(scene, MODES + rigid, mass=mass).frequencies
-        elastic = found[found > 0.0]
+    nets = any(isinstance(body.model, MassSpring) for body in scene.bodies)
+    for about in ("rest", "equilibrium") if nets else ("rest",):
+        for rigid in (0, 6 * len(scene.bodies), 6 * len(scene.bodies) + 40):
+            found = natural_modes(scene, MODES + rigid, mass=mass, about=about).frequencies
+            elastic = found[found > 0.0]
+            if len(elastic) >= MODES or len(found) < MODES + rigid:
+                break
         if len(elastic) >= MODES:
             break
-    return {"frequencies": elastic[:MODES].tolist(), "free": int((found <= 0.0).sum())}
+    return {"frequencies": elastic[:MODES].tolist(), "about": about}
 
 
 def exact_modes_of(scene: Scene, places: list[Place]) -> dict[str, Any]:
@@ -179,8 +202,40 @@ def exact_modes_of(scene: Scene, places: list[Place]) -> dict[str, Any]:
     return modes_of(scene, places, "consistent")
 
 
+def step_of(scene: Scene, places: list[Place]) -> dict[str, Any]:
+    """The step that "auto" takes at rest, the given one, and the limit [s]; kernels for nets only,
+    whose own bound is the limit that they keep.
+    """
+    from tisoft.equilibrium.damping import damped_body
+    from tisoft.equilibrium.operators import operators_at_rest
+    from tisoft.model.part import parts_of
+    from tisoft.stable.bound import limits_at_rest
+    from tisoft.stable.limit import SHARE
+    from tisoft.stable.sharp import sharp_limit
+    from tisoft.step.stepper import INTEGRATORS
+
+    limits, allowed = [], []
+    factor = INTEGRATORS[scene.integrator].damping_factor
+    for part in parts_of([damped_body(body) for body in scene.bodies]):
+        if part.is_springs:
+            bound = float(limits_at_rest(part, factor).min(initial=np.inf))
+            limits.append(bound)
+            allowed.append(bound)
+        else:
+            rest: Any = operators_at_rest(part)
+            limits.append(sharp_limit(part, integrator=scene.integrator, elastic=rest).step)
+            allowed.append(SHARE * limits[-1])
+    limit = float(min(limits, default=np.inf))
+    wanted = min(allowed, default=np.inf) if scene.step == "auto" else float(scene.step)
+    frame = 1.0 / scene.frame_rate
+    count = max(1, math.ceil(frame / wanted - 1e-9)) if math.isfinite(wanted) else 1
+    return {"step": frame / count, "stable_step": limit, "substeps": count}
+
+
 def timing_of(scene: Scene, places: list[Place]) -> dict[str, Any]:
-    """Step [s], stable step [s], and seconds of computing a simulated second, by a short run."""
+    """Seconds of computing a simulated second, by a short real run; whole frames where they are
+    short, else substeps.
+    """
     from tisoft.simulation import Simulation
 
     explicit = scene.integrator == "explicit-euler"
@@ -188,22 +243,73 @@ def timing_of(scene: Scene, places: list[Place]) -> dict[str, Any]:
     frame_time = 1.0 / scene.frame_rate
     substeps, step = sim.substeps_of(frame_time)
     limit = sim.limit.sharp()
-    sim.substep(1, 0.0 if explicit else 1e-6 * step)
-    speeds: list[float] = []
+    sim.substep(1, 0.0 if explicit else 1e-6 * step)  # compiles
+    count = min(substeps, 64)
     begun = time.perf_counter()
-    while len(speeds) < 3 or (time.perf_counter() - begun < TIMED and len(speeds) < 40):
-        count = min(substeps, 512)
-        start = time.perf_counter()
-        sim.stepper.advance(count, step, scene.gravity)
-        speeds.append((time.perf_counter() - start) / (count * step))
-    overhead = _frame_overhead(sim)
-    cost = float(np.median(speeds)) + overhead
+    sim.stepper.advance(count, step, scene.gravity)
+    each = (time.perf_counter() - begun) / count
+    if each * substeps < LONG_FRAME and not explicit:
+        cost = _by_frames(sim, each * substeps)
+    else:
+        speeds = []
+        count = max(1, min(substeps, int(TIMED / 3.0 / max(each, 1e-9))))
+        for _ in range(3):
+            begun = time.perf_counter()
+            sim.stepper.advance(count, step, scene.gravity)
+            speeds.append((time.perf_counter() - begun) / (count * step))
+        cost = float(np.median(speeds))
     return {"step": step, "stable_step": float(limit), "cost": cost}
 
 
-def _frame_overhead(sim: Any) -> float:
-    """Seconds a simulated second that frames cost beyond their substeps: small scenes feel it."""
-    return 60e-6 * float(sim.scene.frame_rate)
+def _by_frames(sim: Any, each: float) -> float:
+    """Of frames that take about `each` seconds, some at a time as a run makes them."""
+    rate = float(sim.scene.frame_rate)
+    sim.run(FIRST_FRAMES / rate)
+    frames = max(1, int(TIMED / 3.0 / max(each, 1e-9)))
+    frames = min(frames, 600)
+    speeds = []
+    for _ in range(3):
+        begun = time.perf_counter()
+        made = sim.frame
+        while sim.frame < made + frames:
+            if not sim.make_frames(made + frames - sim.frame):
+                sim.step()
+        speeds.append((time.perf_counter() - begun) * rate / frames)
+    return float(np.median(speeds))
+
+
+def path_of(scene: Scene, places: list[Place]) -> dict[str, Any]:
+    """Displacements of the places, or of the corners of the bodies' boxes, frame by frame [m]."""
+    from tisoft.simulation import Simulation
+
+    sim = Simulation(scene)
+    watched = [
+        (place.body, *carrier(scene.bodies[place.body].mesh, np.array(place.point)))
+        for place in places or corners_of(scene)
+    ]
+    ends = np.cumsum([0, *(len(body.mesh.points) for body in scene.bodies)])
+    rest = np.concatenate([body.mesh.points for body in scene.bodies])
+    rows: list[list[list[float]]] = []
+
+    def look(frame: Any) -> None:
+        u = frame.positions() - rest
+        rows.append([(w @ u[ends[body] + nodes]).tolist() for body, nodes, w in watched])
+
+    sim.run(observers=[look])
+    return {"path": rows}
+
+
+def corners_of(scene: Scene) -> list[Place]:
+    """Where bodies are watched that no probe follows: the nodes nearest to their boxes' corners."""
+    found = []
+    for k, body in enumerate(scene.bodies):
+        points = body.mesh.points
+        low, high = points.min(axis=0), points.max(axis=0)
+        for pick in np.ndindex(2, 2, 2):
+            corner = np.where(pick, high, low)
+            x, y, z = points[np.linalg.norm(points - corner, axis=1).argmin()].tolist()
+            found.append(Place("", k, (x, y, z)))
+    return found
 
 
 WORK: dict[str, Any] = {
@@ -211,5 +317,7 @@ WORK: dict[str, Any] = {
     "static": static_of,
     "modes": modes_of,
     "exact modes": exact_modes_of,
+    "step": step_of,
     "timing": timing_of,
+    "path": path_of,
 }

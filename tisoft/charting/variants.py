@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from tisoft.changes import MODEL_WORDS
-from tisoft.models.materials import MassSpring
+from tisoft.models.materials import Linear, MassSpring, MassTensor
 from tisoft.scene import Scene
 from tisoft.scene_file import document_of
 
@@ -22,6 +22,8 @@ FACTORS = (0.5, 0.75, 1.5, 2.0)
 COUNTS = {"box": "cells", "cloth": "cells", "grid": "cells", "ball": "resolution",
           "cylinder": "resolution"}  # fmt: skip
 """The key of each shape that says how fine it is."""
+SPRINGS_POISSON = 0.25
+"""What networks of springs come to, whose central forces leave them no choice (Cauchy 1828)."""
 MODELS = ("viscoelastic", "neo-hookean", "linear", "mass-spring")
 
 
@@ -42,14 +44,27 @@ class Catalogue:
         source: the scene file, or a Scene.
         scene: what it holds.
         settings: --set of the command line, which every variant has.
+        bodies: numbers of those that may vary; left out, all.
     """
 
-    def __init__(self, source: str | Path | Scene, scene: Scene, settings: Sequence[str]) -> None:
+    def __init__(
+        self,
+        source: str | Path | Scene,
+        scene: Scene,
+        settings: Sequence[str],
+        bodies: Sequence[int] | None = None,
+    ) -> None:
         self.scene = scene
         self.given = tuple(settings)
+        nets = [i for i, b in enumerate(scene.bodies) if isinstance(b.model, MassSpring)]
+        varied = range(len(scene.bodies)) if bodies is None else bodies
+        solids = [i for i in varied if i not in nets]
+        self.varied = solids or list(varied)
+        """Bodies that vary: nets only where there is nothing else."""
+        self.springs = not solids
         table: Any = {} if isinstance(source, Scene) else document_of(source, settings)
-        bodies = table.get("body", [{} for _ in scene.bodies])
-        self._meshes = [body.get("mesh", {}) for body in bodies]
+        self._bodies = table.get("body", [{} for _ in scene.bodies])
+        self._meshes = [body.get("mesh", {}) for body in self._bodies]
 
     @property
     def current(self) -> Variant:
@@ -61,7 +76,7 @@ class Catalogue:
         factor along each axis; None where that cannot be had, or is the scene itself.
         """
         settings: list[str] = []
-        for i in range(len(self.scene.bodies)):
+        for i in self.varied:
             own = self._of_body(i, element, factor)
             if own is None:
                 return None
@@ -81,6 +96,10 @@ class Catalogue:
         springs = isinstance(body.model, MassSpring)
         if (element == "spring") != springs:
             return None
+        if "cage" in table:
+            shape = "cage"
+            if element != "hex8":
+                return None
         if springs and factor != 1.0 and not body.model.needs_young:  # type: ignore[union-attr]
             return None  # N/m of other springs would be another material
         if factor != 1.0:
@@ -112,6 +131,8 @@ class Catalogue:
             linear = has == "tet4" or table.get("element") == "tet10"
             times = math.log2(factor)
             return [f"{key}.refine={times:.0f}"] if linear and times in (1.0, 2.0) else None
+        if shape == "cage":
+            return _finer_cage(f"{key}.cage", table["cage"], factor)
         count = COUNTS[shape]
         now = table[shape][count]
         cells = [now] if isinstance(now, int) else list(now)
@@ -122,9 +143,9 @@ class Catalogue:
 
     def elements(self) -> list[str]:
         """Elements that the bodies may have, the present one first."""
-        if all(isinstance(body.model, MassSpring) for body in self.scene.bodies):
+        if self.springs:
             return ["spring"]
-        has = next(iter(self.scene.bodies[0].mesh.cells), "spring")
+        has = next(iter(self.scene.bodies[self.varied[0]].mesh.cells), "spring")
         return [has, *(e for e in ("tet10", "hex8", "tet4") if e != has)]
 
     def meshes(self) -> Iterator[Variant]:
@@ -137,20 +158,76 @@ class Catalogue:
 
     def others(self) -> Iterator[Variant]:
         """The scene's mesh with other models, precision, integrator and step."""
-        words = {MODEL_WORDS.get(type(body.model)) for body in self.scene.bodies}
-        bodies = range(len(self.scene.bodies))
-        solid = all(body.mesh.elements for body in self.scene.bodies)
+        own = [self.scene.bodies[i] for i in self.varied]
+        words = {MODEL_WORDS.get(type(body.model)) for body in own}
+        bodies = self.varied
+        solid = all(body.mesh.elements for body in own)
         for word in MODELS if solid and words <= {*MODELS, "mass-tensor"} else ():
             if words != {word}:
-                changes = tuple(f'body.{i}.model="{word}"' for i in bodies)
-                yield Variant(word, self.given + changes, "model")
+                changes = [f'body.{i}.model="{word}"' for i in bodies]
+                if "mass-spring" in words:
+                    changes += [
+                        f"body.{i}.poisson={SPRINGS_POISSON}" for i in bodies
+                        if "poisson" not in self._bodies[i]
+                    ]  # fmt: skip
+                yield Variant(word, (*self.given, *changes), "model")
         other = "f64" if self.scene.precision == "f32" else "f32"
         yield Variant(f"in {other}", (*self.given, f'precision="{other}"'), "precision")
         if self.scene.integrator == "symplectic-euler" and self.scene.start == "plain":
-            changes = ('integrator="velocity-verlet"',)
-            yield Variant("velocity-verlet", self.given + changes, "integrator")
+            changes = ['integrator="velocity-verlet"']
+            yield Variant("velocity-verlet", (*self.given, *changes), "integrator")
+
+    @property
+    def has_solid_twin(self) -> bool:
+        """Whether its springs stand for a solid: tets, with stiffnesses from Young's modulus."""
+        return self.springs and all(
+            list(b.mesh.cells) == ["tet4"]
+            and b.model.needs_young  # type: ignore[union-attr]
+            and b.model.density
+            for b in (self.scene.bodies[i] for i in self.varied)
+        )
+
+    def tets(self, factor: float) -> tuple[Variant, Variant] | None:
+        """The ruler's linear and quadratic tets on a mesh, or None where it has no such tets."""
+        if self.springs and factor != 1.0:
+            return None
+        if self.springs:
+            changes = [f'body.{i}.mesh.element="tet10"' for i in self.varied]
+            linear, fine = self.current, Variant("tet10", (*self.given, *changes))
+        else:
+            has = self.elements()[0]
+            a, b = (
+                self.current if factor == 1.0 and has == e else self.mesh(e, factor)
+                for e in ("tet4", "tet10")
+            )
+            if a is None or b is None:
+                return None
+            linear, fine = a, b
+        return self.as_solid(linear), self.as_solid(fine)
+
+    def as_solid(self, variant: Variant) -> Variant:
+        """The variant with St. Venant-Kirchhoff bodies in place of springs and linear ones."""
+        words = []
+        for i in self.varied:
+            model = self.scene.bodies[i].model
+            if isinstance(model, MassSpring | Linear | MassTensor):
+                words.append(f'body.{i}.model="viscoelastic"')
+            if isinstance(model, MassSpring) and "poisson" not in self._bodies[i]:
+                words.append(f"body.{i}.poisson={SPRINGS_POISSON}")
+        if not words:
+            return variant
+        return Variant(variant.name, (*variant.settings, *words), "model")
 
     def step(self, seconds: float) -> Variant:
         """The scene with a step [s]."""
         settings = (*self.given, f"step={seconds!r}")
         return Variant(f"step {seconds * 1e3:.3g} ms", settings, "step")
+
+
+def _finer_cage(key: str, table: Any, factor: float) -> list[str] | None:
+    if "size" in table:
+        size = float(f"{table['size'] / factor:.6g}")
+        return [f"{key}.size={size!r}"]
+    now = table.get("cells_across", 0)
+    new = max(1, round(factor * now))
+    return [f"{key}.cells_across={new}"] if new != now else None

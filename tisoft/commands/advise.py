@@ -5,15 +5,18 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
+from pathlib import Path
 from typing import Any
 
 from tisoft.commands import common
-from tisoft.whole_files import as_json
+from tisoft.folders import check_free
+from tisoft.whole_files import as_json, write_text
 
 HELP = "the least model, element and mesh that meet a tolerance, and why"
 EXAMPLES = """examples:
   tisoft advise beam.toml
-  tisoft advise beam.toml --tolerance 0.01 --json"""
+  tisoft advise beam.toml --tolerance 0.01 --json
+  tisoft advise beam.toml -o good.toml          the scene so changed"""
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -22,16 +25,24 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--tolerance", metavar="T", type=float, default=0.02, help="relative error allowed (0.02)"
     )
+    parser.add_argument(
+        "-o", "--output", metavar="FILE.toml", type=common.place, help="write the scene so changed"
+    )
 
 
 def execute(options: argparse.Namespace) -> int:
     """Judge the variants and tell the choice."""
     from tisoft.charting.advice import advise
+    from tisoft.charting.written import as_toml, moved_document
 
-    settings = list(options.settings)
-    if options.precision:
-        settings.append(f'precision="{options.precision}"')
+    settings = common.settings_of(options)
+    if options.output:
+        check_free(Path(options.output))
     found = advise(options.scene, options.tolerance, settings=settings)
+    if options.output:
+        target = Path(options.output)
+        document = moved_document(options.scene, (*settings, *found.choice.settings), target)
+        write_text(target, as_toml(document))
     if options.json:
         print(as_json(found.result()))
     elif not options.quiet:
@@ -46,6 +57,10 @@ def _tell(options: argparse.Namespace, found: Any) -> None:
         line = " ".join(f"--set {shlex.quote(setting)}" for setting in found.choice.settings)
         print(f"tisoft run {shlex.quote(options.scene)} {line}")
     else:
-        print("the scene is right as it is")
+        print("The scene is right as it is.")
+    if not found.certain:
+        print("This is not certain:", file=sys.stderr)
     for warning in found.warnings:
         print(f"tisoft: warning: {warning}", file=sys.stderr)
+    if options.output:
+        print(f"the scene so changed is {options.output}")

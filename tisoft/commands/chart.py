@@ -8,7 +8,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from tisoft import stops
 from tisoft.commands import common
+from tisoft.commands.sweep import add_workers
 from tisoft.errors import SceneError
 from tisoft.folders import ResultFolder
 from tisoft.whole_files import as_json, write_bytes, write_text
@@ -20,6 +22,8 @@ EXAMPLES = """examples:
 
 STORE = "variants.json"
 FILES = ("chart.png", "chart.svg", "chart.html", "chart.csv", "chart.json", STORE)
+PICTURES = 3.0
+"""Seconds of the budget that drawing takes."""
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -29,30 +33,56 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--budget", metavar="SECONDS", type=float, default=60.0, help="that it may take (60)"
     )
+    add_workers(parser)
 
 
 def execute(options: argparse.Namespace) -> int:
     """Survey the variants and draw them."""
-    from tisoft.charting.chart import Chart
     from tisoft.charting.survey import Survey
 
     if not options.budget > 0.0:
         raise SceneError(f"--budget is {options.budget:g}; give seconds above 0")
-    settings = list(options.settings)
-    if options.precision:
-        settings.append(f'precision="{options.precision}"')
+    if options.workers is not None and options.workers < 1:
+        raise SceneError(f"--workers is {options.workers}; give a number of processes, as 2")
+    if options.workers is not None and options.scheduler is not None:
+        raise SceneError("--workers and --scheduler exclude each other; give one of them")
+    settings = common.settings_of(options)
     owner = common.owner_of(options, "chart", resume=not options.overwrite)
+    stop: KeyboardInterrupt | None = None
     with ResultFolder(options.output, owner) as folder:
-        kept = _kept(folder.path / STORE)
+        kept = {} if options.overwrite else _kept(folder.path / STORE)
+        bar = _Bar(options)
+        budget = max(0.7 * options.budget, options.budget - PICTURES)
+        survey = Survey(options.scene, budget, settings, kept, bar.tick)
         folder.begin(FILES)
-        survey = Survey(options.scene, options.budget, settings, kept, _ticker(options))
         try:
-            chart = Chart(survey.measure(), survey.warnings)
+            survey.measure(workers=_workers(options))
+        except KeyboardInterrupt as asked:
+            stop = asked
+            stops.settled()
         finally:
-            _tell_nothing(options)
-            write_text(folder.path / STORE, as_json(kept) + "\n")
-        _write(chart, folder.path, Path(options.scene).name)
+            bar.close()
+            write_text(folder.path / STORE, json.dumps(kept) + "\n")
+        return _finish(options, survey, folder, stop)
+
+
+def _finish(
+    options: argparse.Namespace, survey: Any, folder: ResultFolder, stop: KeyboardInterrupt | None
+) -> int:
+    """Draw what there is and tell it; returns the exit code."""
+    from tisoft.charting.chart import chart_of
+
+    try:
+        chart = chart_of(survey)
+    except SceneError:
+        if stop is not None:
+            raise stop from None
+        raise
+    _write(survey, chart, folder.path, Path(options.scene).name)
     result = chart.result()
+    if stop is not None:
+        folder.state = "interrupted"
+        result["status"] = "interrupted"
     if options.json:
         print(as_json(result))
     elif not options.quiet:
@@ -60,7 +90,16 @@ def execute(options: argparse.Namespace) -> int:
         print(f"{len(chart.variants)} variants are charted in {options.output}/chart.html")
         for warning in chart.warnings:
             print(f"tisoft: warning: {warning}", file=sys.stderr)
+    if stop is not None:
+        print("tisoft: error: interrupted; what was done is charted", file=sys.stderr)
+        return int(getattr(stop, "exit_code", 130))
     return 0
+
+
+def _workers(options: argparse.Namespace) -> dict[str, Any] | None:
+    if options.workers is None and options.scheduler is None:
+        return None
+    return {"workers": options.workers, "scheduler": options.scheduler}
 
 
 def _kept(path: Path) -> dict[str, dict[str, Any]]:
@@ -72,30 +111,41 @@ def _kept(path: Path) -> dict[str, dict[str, Any]]:
     return found if isinstance(found, dict) else {}
 
 
-def _ticker(options: argparse.Namespace) -> Any:
-    """Names the variant at work on a terminal."""
-    show = not options.quiet and sys.stderr.isatty()
+class _Bar:
+    """Names the variant at work, and how much of the budget is gone, on a terminal."""
 
-    def tick(name: str) -> None:
-        if show:
-            print(f"\r\033[K{name} …", end="", file=sys.stderr, flush=True)
+    def __init__(self, options: argparse.Namespace) -> None:
+        import time
 
-    return tick
+        from tqdm import tqdm
+
+        disable = True if options.quiet else None  # None: only on a terminal
+        self._clock, self._begun = time.perf_counter, time.perf_counter()
+        self._bar = tqdm(
+            total=round(options.budget), unit="s", file=sys.stderr, disable=disable, leave=False,
+            bar_format="{desc}: {percentage:3.0f}%|{bar}| {n:.0f} of {total} s",
+        )  # fmt: skip
+
+    def tick(self, name: str) -> None:
+        """A variant begins."""
+        self._bar.set_description_str(name, refresh=False)
+        self._bar.n = min(self._bar.total, self._clock() - self._begun)
+        self._bar.refresh()
+
+    def close(self) -> None:
+        """Clear the line."""
+        self._bar.close()
 
 
-def _tell_nothing(options: argparse.Namespace) -> None:
-    if not options.quiet and sys.stderr.isatty():
-        print("\r\033[K", end="", file=sys.stderr, flush=True)
-
-
-def _write(chart: Any, folder: Path, title: str) -> None:
+def _write(survey: Any, chart: Any, folder: Path, title: str) -> None:
     from tisoft.charting.page import page
-    from tisoft.charting.picture import files
+    from tisoft.charting.picture import files, step_picture
     from tisoft.sweeping.table import write_csv
 
     png, svg = files(chart)
     write_bytes(folder / "chart.png", png)
     write_text(folder / "chart.svg", svg)
-    write_text(folder / "chart.html", page(chart, svg, title))
+    shapes = survey.pictures()
+    write_text(folder / "chart.html", page(chart, svg, title, shapes, step_picture(chart)))
     write_csv(folder / "chart.csv", chart.table())
     write_text(folder / "chart.json", as_json(chart.result()) + "\n")

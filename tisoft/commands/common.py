@@ -102,6 +102,12 @@ def scene_of(options: argparse.Namespace, *, tell: bool = True) -> Scene:
     return scene
 
 
+def settings_of(options: argparse.Namespace) -> list[str]:
+    """--set and --precision as settings."""
+    chosen = [f'precision="{options.precision}"'] if options.precision else []
+    return [*options.settings, *chosen]
+
+
 def render_of(options: argparse.Namespace, render: Render) -> Render:
     """The scene's picture settings with those of the command line instead."""
     changes: dict[str, Any] = {}

@@ -1,0 +1,58 @@
+"""A variant with its cost and errors, and which of several none beats in both."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from tisoft.charting.estimate import Error
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A variant with its cost and its errors."""
+
+    name: str
+    settings: tuple[str, ...]
+    """Beyond those of the command line: what --set takes."""
+    model: str
+    element: str
+    elements: int
+    nodes: int
+    step: float
+    """[s]"""
+    stable_step: float
+    """[s]"""
+    cost: float
+    """Seconds of computing a simulated second."""
+    errors: dict[str, Error]
+    """By quantity: sag, frequency, path; those that the scene has."""
+    timed: bool = True
+    """Whether the cost was timed, not predicted from that of others."""
+    ran: bool = False
+    """Whether the path was run, not predicted from sag and frequency."""
+    decides: tuple[str, ...] = ("sag", "frequency")
+    """Quantities whose errors count."""
+    current: bool = False
+    pareto: bool = False
+
+    @property
+    def worst(self) -> Error:
+        """The largest of the errors that count, by its bar's end."""
+        own = [self.errors[k] for k in self.decides if k in self.errors]
+        return max(own, key=lambda e: e.most)
+
+
+def with_pareto(judged: Sequence[Judged]) -> list[Judged]:
+    """The variants, marked where none is both cheaper and better."""
+    return [
+        dataclasses.replace(
+            one,
+            pareto=not any(
+                o is not one and o.cost <= one.cost and o.worst.most < one.worst.most
+                for o in judged
+            ),
+        )
+        for one in judged
+    ]

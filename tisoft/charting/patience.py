@@ -1,0 +1,64 @@
+"""How long an answer will take, so that a budget is kept: a table, and how slow this machine is.
+
+Nothing is known for certain before it was done; what takes longer than its share of the budget by
+this table is not begun.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from statistics import median
+
+COMPILED = {"static": 6.0, "modes": 5.0, "step": 2.0}
+"""Seconds of compiling the first answer for an element whose whole kernels are needed."""
+TIMING = {"tet4": 7.0, "tet10": 16.0, "hex8": 12.0, "spring": 4.0}
+"""The same for a running scene."""
+NODE = {"static": 5e-4, "modes": 2e-4, "exact modes": 3e-4, "step": 1e-5}
+"""Seconds a node, of small meshes; factorisations grow with its power below."""
+LARGE, POWER = 2000.0, 0.6
+
+
+@dataclass
+class Patience:
+    """Foretells seconds of answers, corrected by how long others took."""
+
+    _ratios: deque[float] = field(default_factory=lambda: deque(maxlen=5))
+    _seen: set[tuple[str, ...]] = field(default_factory=set)
+
+    def needs(self, what: str, kind: tuple[str, str], nodes: int) -> float:
+        """Seconds of "static", "modes", "exact modes" or "step" of an element and a model."""
+        return self._supposed(what, kind, nodes) * self.slowness
+
+    def timing(self, kind: tuple[str, ...]) -> float:
+        """Seconds of a timing of an element, model, precision and integrator."""
+        words = kind[0].split("+")
+        compiles = (
+            0.0 if ("timing", *kind) in self._seen else max(TIMING.get(w, 8.0) for w in words)
+        )
+        return (0.8 + compiles) * self.slowness
+
+    @property
+    def slowness(self) -> float:
+        """How many times slower than the table this machine is now."""
+        return min(20.0, max(0.3, median(self._ratios))) if self._ratios else 1.0
+
+    def took(self, what: str, kind: tuple[str, ...], nodes: int, seconds: float) -> None:
+        """Learn from an answer."""
+        if what in NODE:
+            supposed = self._supposed(what, (kind[0], kind[1]), nodes)
+        elif what == "timing":
+            supposed = self.timing(kind) / self.slowness
+        else:
+            return
+        if supposed > 0.2:
+            self._ratios.append(seconds / supposed)
+        self._seen.add((what, *kind))
+
+    def _supposed(self, what: str, kind: tuple[str, str], nodes: int) -> float:
+        whole = kind[0] in ("hex8", "spring") and (what, *kind) not in self._seen
+        compiles = (
+            COMPILED.get(what, 0.0) if whole and (what != "modes" or kind[0] != "hex8") else 0
+        )
+        grown = max(1.0, nodes / LARGE) ** POWER
+        return 0.1 + compiles + NODE[what] * nodes * grown
