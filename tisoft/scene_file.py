@@ -51,7 +51,7 @@ _SETTINGS = [
 ]
 _CONTACT = ("contact", "self_contact", "thickness", "friction")
 _BODY = (
-    *("name", "model", "mesh", "skin", "region", "pin", "load", "velocity", "spin"),
+    *("name", "model", "tolerance", "mesh", "skin", "region", "pin", "load", "velocity", "spin"),
     *_CONTACT,
 )
 _INSTEAD_OF_YOUNG = ("material", "lame_lambda", "lame_mu")
@@ -224,6 +224,7 @@ def _model_parameters(table: Any, field: str) -> tuple[str, Table]:
     every_key = dict.fromkeys(key for model in MODELS.values() for key in field_names(model))
     check_keys(table, field, (*_BODY, *every_key, *_INSTEAD_OF_YOUNG))
     with inside(field):
+        _check_auto(table)
         kind = checks.choice("model", table.get("model", "viscoelastic"), list(MODELS))
         given = {key: value for key, value in table.items() if key in every_key}
         own = field_names(MODELS[kind])
@@ -234,6 +235,18 @@ def _model_parameters(table: Any, field: str) -> tuple[str, Table]:
                 if key not in parameters:
                     raise FieldError(key, f"is missing: {_HOW_TO_GIVE[key]}")
     return kind, {key: value for key, value in parameters.items() if key in own}
+
+
+def _check_auto(table: Table) -> None:
+    """Refuse model = "auto" where nobody has settled it, and a tolerance that is none."""
+    if table.get("model") == "auto":
+        problem = (
+            "is settled by commands that run a scene; elsewhere ask `tisoft advise` first, or "
+            f"give one of {', '.join(MODELS)}"
+        )
+        raise FieldError("model", problem, "auto")
+    if "tolerance" in table:
+        checks.number("tolerance", table["tolerance"], above=0.0, below=1.0)
 
 
 _HOW_TO_GIVE = {

@@ -99,6 +99,10 @@ def advise(
         )
     survey.same_probes = same_probes
     survey.measure(others=False)
+    choice = Chart(survey.judged()).least(tolerance)
+    turn = (survey.known("static", survey.catalogue.current) or {}).get("turn")
+    if choice is not None and turn is not None and turn < SMALL_TURN:
+        survey.ask_linear(choice.name)
     return _advice(survey, Chart(survey.judged(), survey.warnings), tolerance)
 
 
@@ -154,11 +158,11 @@ def _reasons(survey: Survey, chart: Chart, choice: Judged, tolerance: float) -> 
     elif now.name != choice.name:
         reasons.append(f"The scene as it is is too coarse: it errs by {told(now.worst)}.")
     turn = (survey.known("static", survey.catalogue.current) or {}).get("turn")
-    if turn is not None and turn < SMALL_TURN and choice.model not in ("linear", "mass-tensor"):
+    if turn is not None and turn < SMALL_TURN and choice.model != now.model == "viscoelastic":
         reasons.insert(
             1,
-            f"No cell turns by more than {math.degrees(turn):.1g} degrees under its loads: "
-            'model = "linear" would be enough.',
+            f"No cell turns by more than {math.degrees(turn):.1g} degrees under the loads: linear "
+            "elasticity is enough.",
         )
     return reasons[:3]
 

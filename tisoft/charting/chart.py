@@ -148,4 +148,4 @@ def chart_of(survey: Survey) -> Chart:
             f"{needs:.0f} or more"
         )
     steps = step_side(survey, found[0])
-    return Chart(found, [*survey.warnings, *survey.doubts()], steps)
+    return Chart(found, list(dict.fromkeys([*survey.doubts(), *survey.warnings])), steps)

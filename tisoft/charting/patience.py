@@ -7,16 +7,21 @@ this table is not begun.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from statistics import median
+from typing import Any
 
 COMPILED = {"static": 6.0, "modes": 5.0, "step": 2.0}
 """Seconds of compiling the first answer for an element whose whole kernels are needed."""
 TIMING = {"tet4": 7.0, "tet10": 16.0, "hex8": 12.0, "spring": 4.0}
 """The same for a running scene."""
-NODE = {"static": 5e-4, "modes": 2e-4, "exact modes": 3e-4, "step": 1e-5}
-"""Seconds a node, of small meshes; factorisations grow with its power below."""
-LARGE, POWER = 2000.0, 0.6
+NODE = {"static": 4e-4, "modes": 2e-4, "exact modes": 3e-4, "step": 3e-5}
+"""Seconds a node."""
+FRONT = 6.5e-9
+"""Seconds of a factorisation for each unknown of its widest front, cubed."""
+FACTORED = {"static": 4.0, "modes": 4.0, "exact modes": 4.0, "step": 0.0}
+"""Factorisations, and what is solved with them in their seconds."""
 
 
 @dataclass
@@ -26,9 +31,9 @@ class Patience:
     _ratios: deque[float] = field(default_factory=lambda: deque(maxlen=5))
     _seen: set[tuple[str, ...]] = field(default_factory=set)
 
-    def needs(self, what: str, kind: tuple[str, str], nodes: int) -> float:
+    def needs(self, what: str, kind: tuple[str, ...], size: Mapping[str, Any]) -> float:
         """Seconds of "static", "modes", "exact modes" or "step" of an element and a model."""
-        return self._supposed(what, kind, nodes) * self.slowness
+        return self._supposed(what, kind, size) * self.slowness
 
     def timing(self, kind: tuple[str, ...]) -> float:
         """Seconds of a timing of an element, model, precision and integrator."""
@@ -43,10 +48,12 @@ class Patience:
         """How many times slower than the table this machine is now."""
         return min(20.0, max(0.3, median(self._ratios))) if self._ratios else 1.0
 
-    def took(self, what: str, kind: tuple[str, ...], nodes: int, seconds: float) -> None:
+    def took(
+        self, what: str, kind: tuple[str, ...], size: Mapping[str, Any], seconds: float
+    ) -> None:
         """Learn from an answer."""
         if what in NODE:
-            supposed = self._supposed(what, (kind[0], kind[1]), nodes)
+            supposed = self._supposed(what, kind, size)
         elif what == "timing":
             supposed = self.timing(kind) / self.slowness
         else:
@@ -55,10 +62,10 @@ class Patience:
             self._ratios.append(seconds / supposed)
         self._seen.add((what, *kind))
 
-    def _supposed(self, what: str, kind: tuple[str, str], nodes: int) -> float:
+    def _supposed(self, what: str, kind: tuple[str, ...], size: Mapping[str, Any]) -> float:
         whole = kind[0] in ("hex8", "spring") and (what, *kind) not in self._seen
         compiles = (
             COMPILED.get(what, 0.0) if whole and (what != "modes" or kind[0] != "hex8") else 0
         )
-        grown = max(1.0, nodes / LARGE) ** POWER
-        return 0.1 + compiles + NODE[what] * nodes * grown
+        factor = FACTORED[what] * FRONT * float(size.get("front", 0.0))
+        return 0.1 + compiles + NODE[what] * int(size.get("nodes", 0)) + factor

@@ -32,7 +32,7 @@ from tisoft.where import Nodes
 
 LARGEST_RULER = 60_000
 """Nodes of a quadratic mesh that statics and modes are asked of."""
-SHARES = {"ruler": 0.45, "answers": 0.65, "timing": 0.85, "path": 0.95}
+SHARES = {"ruler": 0.4, "answers": 0.55, "timing": 0.85, "path": 0.95}
 """Of the budget, at which each stage must be over."""
 SMALL = 2000
 """Elements up to which kernels run on one thread (`model.system`)."""
@@ -110,8 +110,8 @@ class Survey:
             self.tick(variant.name)
             found = self.bench.ask(what, variant)
             spared = found["compiled"] if self.patient else 0.0
-            kind, nodes = self._kind(variant)
-            self.patience.took(what, kind, nodes, found["seconds"] - spared)
+            kind, size = self._kind(variant)
+            self.patience.took(what, kind, size, found["seconds"] - spared)
         return self.known(what, variant)
 
     def known(self, what: str, variant: Variant) -> dict[str, Any] | None:
@@ -124,21 +124,21 @@ class Survey:
         found = self.bench.ask("size", variant)
         return None if "error" in found else found
 
-    def _kind(self, variant: Variant) -> tuple[tuple[str, ...], int]:
+    def _kind(self, variant: Variant) -> tuple[tuple[str, ...], dict[str, Any]]:
         size = self.size(variant)
         if size is None:
-            return ("", "", "", "", ""), 0
+            return ("", "", "", "", ""), {}
         words = [size[k] for k in ("element", "model", "precision", "integrator")]
         loops = "alone" if size["elements"] <= SMALL else "shared"  # kernels of their own
-        return (*words, loops), size["nodes"]
+        return (*words, loops), size
 
     def _needs(self, what: str, variant: Variant) -> float:
-        kind, nodes = self._kind(variant)
+        kind, size = self._kind(variant)
         if what == "timing":
             return self.patience.timing(kind)
         if what == "path":
             return 0.5 + 1.2 * self.cost(variant)[0] * self.scene.duration
-        return self.patience.needs(what, (kind[0], kind[1]), nodes)
+        return self.patience.needs(what, kind, size)
 
     # -- the survey ----------------------------------------------------------------------------
 
@@ -150,9 +150,9 @@ class Survey:
         if workers:
             self._spread(candidates, workers)
         self.find_rulers()
-        self.ask("timing", now, always=True)
         for variant in candidates:
-            self._answers(variant)
+            self._answers(variant, 0.9 if len(self.judged()) < 2 else SHARES["answers"])
+        self.ask("timing", now, 0.97)
         self._time()
         if others:
             self._run()
@@ -209,7 +209,7 @@ class Survey:
     def quantity(
         self, variant: Variant, what: str, share: float = 0.0, *, exact: bool = False
     ) -> Any:
-        """Sag (displacements of the places, or the loads' work), or frequencies; None without.
+        """Sag (displacements of the places, or the elastic energy), or frequencies; None without.
 
         Exact: as the ruler sees them.  A share of 0 asks nothing that is not known.
         """
@@ -221,7 +221,7 @@ class Survey:
             return None
         if what == "frequency":
             return found["frequencies"] or None
-        return found["places"] if self.places else found["work"]
+        return found["places"] if self.places else found["energy"]
 
     def find_rulers(self) -> None:
         """The best pair of answers that its share of the budget allows; the first one always."""
@@ -263,13 +263,20 @@ class Survey:
             self.warn(pair.told)
         return found
 
-    def _answers(self, variant: Variant) -> None:
+    def ask_linear(self, name: str) -> None:
+        """Look at a variant with linear elasticity in place of large strains."""
+        by_name = {v.name: v for v in self._known}
+        linear = self.catalogue.as_linear(by_name[name])
+        if linear is not None:
+            self._answers(linear)
+
+    def _answers(self, variant: Variant, share: float = SHARES["answers"]) -> None:
         """Static answer, modes and step of a variant, where the budget allows."""
         shared = self._shares_errors(variant)
         for what in self.rulers:
-            if self.quantity(shared, what, SHARES["answers"]) is None:
+            if self.quantity(shared, what, share) is None:
                 return
-        if self.ask("step", variant, SHARES["answers"]) is not None:
+        if self.ask("step", variant, share) is not None:
             self._known.append(variant)
 
     def _shares_errors(self, variant: Variant) -> Variant:

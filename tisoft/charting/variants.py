@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from tisoft.changes import MODEL_WORDS
-from tisoft.models.materials import Linear, MassSpring, MassTensor
+from tisoft.models.materials import Linear, MassSpring, MassTensor, ViscoElastic
 from tisoft.scene import Scene
 from tisoft.scene_file import document_of
 
@@ -217,6 +217,13 @@ class Catalogue:
         if not words:
             return variant
         return Variant(variant.name, (*variant.settings, *words), "model")
+
+    def as_linear(self, variant: Variant) -> Variant | None:
+        """The variant with linear bodies in place of St. Venant-Kirchhoff ones, where all are."""
+        if any(type(self.scene.bodies[i].model) is not ViscoElastic for i in self.varied):
+            return None
+        words = [f'body.{i}.model="linear"' for i in self.varied]
+        return Variant(f"{variant.name}, linear", (*variant.settings, *words), "model")
 
     def step(self, seconds: float) -> Variant:
         """The scene with a step [s]."""

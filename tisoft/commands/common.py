@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
+import json
 import os
 import re
 import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tisoft import runtime, stops
@@ -92,7 +95,7 @@ def add_picture(parser: argparse.ArgumentParser) -> None:
 
 def scene_of(options: argparse.Namespace, *, tell: bool = True) -> Scene:
     """The scene that the command line asks for; what is wrong with its meshes is told at once."""
-    scene = load_scene(options.scene, options.settings)
+    scene = load_scene(options.scene, _settled(options))
     if tell and not options.quiet:
         for warning in mesh_warnings(scene):
             print(f"tisoft: warning: {warning}", file=sys.stderr)
@@ -100,6 +103,23 @@ def scene_of(options: argparse.Namespace, *, tell: bool = True) -> Scene:
         scene.precision = options.precision
     scene.render = render_of(options, scene.render)
     return scene
+
+
+def _settled(options: argparse.Namespace) -> list[str]:
+    """The settings, with what stands for model = "auto", which is told and kept in the options."""
+    from tisoft.charting.auto import settled
+
+    known = None
+    if getattr(options, "resume", False) and options.output:
+        with contextlib.suppress(OSError, ValueError, AttributeError):
+            summary = json.loads((Path(options.output) / "summary.json").read_text("utf-8"))
+            known = summary.get("advised")
+    found = settled(options.scene, settings_of(options), known)
+    options.advised = found.advice.result() if found.advice is not None else known
+    if not options.quiet:
+        for sentence in found.sentences():
+            print(f"tisoft: {sentence}", file=sys.stderr)
+    return found.settings
 
 
 def settings_of(options: argparse.Namespace) -> list[str]:

@@ -86,7 +86,8 @@ def _run(options: argparse.Namespace, scene: Scene, folder: ResultFolder | None)
             run.step(seconds, observers=[*kept.tables, kept, progress] if kept else [progress])
         if kept is not None:
             _save_end(run, kept)
-    result = run.result()
+    advised = getattr(options, "advised", None)
+    result = run.result(**({"advised": advised} if advised else {}))
     if folder is not None:
         _tell_end(run, folder, result)
     return run.report(options, result, *([f"results are in {folder.path}/"] if folder else []))
