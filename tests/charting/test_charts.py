@@ -11,9 +11,11 @@ from tisoft.charting.advice import advise
 from tisoft.charting.carriers import carrier
 from tisoft.charting.chart import Chart
 from tisoft.charting.estimate import Error
+from tisoft.charting.judged import Judged, with_pareto
 from tisoft.charting.page import page
 from tisoft.charting.picture import files
-from tisoft.charting.survey import Judged, Survey, ruler_of, with_pareto
+from tisoft.charting.rulers import ruler_of
+from tisoft.charting.survey import Survey
 from tisoft.errors import SceneError
 from tisoft.geometry.shapes import box
 from tisoft.geometry.solid import quadratic
@@ -67,12 +69,13 @@ def test_predicted_errors_are_those_of_the_continuum_within_their_bars(scene):
     make = survey.catalogue.mesh
     linear, better = survey.catalogue.current, make("tet10", 1.0)
     for what, truth in (("sag", [SAG]), ("frequency", FREQUENCIES)):
-        worse, fine = (survey.quantity(v, what, exact=True) for v in (linear, better))
+        worse, fine = (survey.quantity(v, what, 1.0, exact=True) for v in (linear, better))
         survey.rulers = {what: ruler_of(worse, fine, what, estimate.SAME_MESH)}
         exact = estimate.Ruler(np.asarray(truth), 0.0)
         measure = estimate.frequency_error if what == "frequency" else error_of
         predicted, true = (
-            measure(survey.quantity(linear, what), ruler) for ruler in (survey.rulers[what], exact)
+            measure(survey.quantity(linear, what, 1.0), ruler)
+            for ruler in (survey.rulers[what], exact)
         )
         assert 0.9 < predicted.value / true.value < 1.1
         assert abs(predicted.value - true.value) < predicted.bar
@@ -124,7 +127,7 @@ def test_picture_and_page_are_whole_and_hold_every_variant(chart):
     text = page(chart, svg, "beam <1>")
     assert "beam &lt;1&gt;" in text
     for k, v in enumerate(chart.variants):
-        assert f'id="variant-{k}"' in text and f"--set x={v.name}" in text
+        assert f'id="variant-{k}"' in text and f"x={v.name}" in text
 
 
 @pytest.mark.parametrize(

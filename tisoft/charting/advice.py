@@ -19,7 +19,7 @@ from tisoft.scene import Scene
 SMALL_TURN = math.radians(2.0)
 """Rotation [rad] below which linear elasticity is enough."""
 SECONDS = 9.0
-"""Budget [s] of one piece of advice, compiling left out."""
+"""Budget of one piece of advice [s of computing]."""
 
 
 @dataclass(frozen=True)

@@ -58,7 +58,8 @@ class Patience:
             supposed = self.timing(kind) / self.slowness
         else:
             return
-        if supposed > 0.2:
+        is_first = what in COMPILED and (what, *kind) not in self._seen  # may compile
+        if supposed > 0.2 and not is_first:
             self._ratios.append(seconds / supposed)
         self._seen.add((what, *kind))
 
