@@ -361,5 +361,5 @@ def test_validate_sees_what_was_changed_since():
 def test_a_scene_without_bodies_is_refused_before_it_runs():
     with pytest.raises(FieldError, match="body is missing"):
         Scene().validate()
-    with pytest.raises(FieldError, match="obstacle = 3 must be a Plane, a Sphere or a Box"):
+    with pytest.raises(FieldError, match="obstacle = 3 must be a Plane, Sphere, Box, Capsule"):
         Scene().add_obstacle(3)

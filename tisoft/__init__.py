@@ -26,11 +26,14 @@ if TYPE_CHECKING:
         NeoHookean,
         ViscoElastic,
     )
+    from tisoft.obstacles.shell import read_shell
     from tisoft.region_material import RegionMaterial
     from tisoft.scene import (
         Body,
         Box,
         Camera,
+        Capsule,
+        Cylinder,
         Load,
         NoContact,
         Pin,
@@ -38,6 +41,7 @@ if TYPE_CHECKING:
         Probe,
         Render,
         Scene,
+        Shell,
         Sphere,
         Torque,
         Turn,
@@ -48,12 +52,13 @@ if TYPE_CHECKING:
     from tisoft.viewer.view import View, view
 
 __all__ = [
-    "Advice", "Body", "Box", "Camera", "Chart", "Diverged", "Frame", "Linear", "Load", "MassSpring",
-    "MassTensor", "MeshError", "NeoHookean", "NoContact", "NoEquilibrium", "Pin", "Plane", "Probe",
-    "RegionMaterial", "Render", "Scene", "SceneError", "Simulation", "Skin", "Sphere", "SpringNet",
-    "Sweep", "TetMesh", "TisoftError", "Torque", "Turn", "View", "ViscoElastic", "advise", "ball",
-    "box", "cage", "chart", "cloth", "cylinder", "grid", "load_scene", "net", "read_mesh",
-    "read_skin", "read_surface", "skin", "sweep", "tet_mesh", "view", "where",
+    "Advice", "Body", "Box", "Camera", "Capsule", "Chart", "Cylinder", "Diverged", "Frame",
+    "Linear", "Load", "MassSpring", "MassTensor", "MeshError", "NeoHookean", "NoContact",
+    "NoEquilibrium", "Pin", "Plane", "Probe", "RegionMaterial", "Render", "Scene", "SceneError",
+    "Shell", "Simulation", "Skin", "Sphere", "SpringNet", "Sweep", "TetMesh", "TisoftError",
+    "Torque", "Turn", "View", "ViscoElastic", "advise", "ball", "box", "cage", "chart", "cloth",
+    "cylinder", "grid", "load_scene", "net", "read_mesh", "read_shell", "read_skin",
+    "read_surface", "skin", "sweep", "tet_mesh", "view", "where",
 ]  # fmt: skip
 
 _HOMES = {
@@ -67,10 +72,11 @@ _HOMES = {
     "tisoft.geometry.skin": ("Skin", "read_skin", "skin"),
     "tisoft.geometry.surface": ("read_surface",),
     "tisoft.models.materials": ("Linear", "MassSpring", "MassTensor", "NeoHookean", "ViscoElastic"),
+    "tisoft.obstacles.shell": ("read_shell",),
     "tisoft.region_material": ("RegionMaterial",),
     "tisoft.scene": (
-        "Body", "Box", "Camera", "Load", "NoContact", "Pin", "Plane", "Probe", "Render", "Scene",
-        "Sphere", "Torque", "Turn",
+        "Body", "Box", "Camera", "Capsule", "Cylinder", "Load", "NoContact", "Pin", "Plane",
+        "Probe", "Render", "Scene", "Shell", "Sphere", "Torque", "Turn",
     ),
     "tisoft.scene_file": ("load_scene",),
     "tisoft.simulation": ("Frame", "Simulation"),

@@ -168,7 +168,8 @@ class Present:
         speed = np.linalg.norm(self.system.motion()[1], axis=1)
         fall = 0.5 * time * time * float(np.linalg.norm(self.scene.gravity))
         reach = [p.size + time * float(speed[p.nodes].max()) + fall for p in self.system.parts]
-        self.meets = self.touching.may_meet(self.system.world(), np.array(reach))
+        times = (self.time, self.time + time)
+        self.meets = self.touching.may_meet(self.system.world(), np.array(reach), times)
 
     def _set_start(self) -> None:
         """Initial velocities: v + ω × (x − centre of mass)."""
@@ -196,6 +197,15 @@ class Present:
             self.system.set_obstacles(self._obstacles, kinds, self.time, self.pushes)
         if self.touching is not None:
             self.touching.place_origins()
+
+    def _meet_anew(self) -> None:
+        """Take other obstacles: what faces may meet of them."""
+        old, self.touching = self.touching, touching_of(self.scene, self.system)
+        if old is not None:
+            old.end()
+        if self.touching is None:
+            self.meets = False
+        self.look_for_contact()
 
     def _push_out(self) -> None:
         """Let bodies that are inside obstacles be pushed out slowly: at once would be a blow."""
@@ -259,6 +269,7 @@ class Present:
         known, asked = self._obstacles, tuple(self.scene.obstacles)
         if len(known) != len(asked) or any(a is not b for a, b in zip(known, asked, strict=True)):
             self._obstacles = asked
+            self._meet_anew()
             if not _go_on(known, asked, self.time):
                 self._push_out()
                 others = True

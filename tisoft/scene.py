@@ -17,7 +17,7 @@ from tisoft.checks import FieldError, Vector, inside, keep_number
 from tisoft.geometry.mesh import Mesh
 from tisoft.loads import Load, Torque
 from tisoft.models.materials import Model
-from tisoft.obstacles import Box, Obstacle, Plane, Sphere
+from tisoft.obstacles import OBSTACLES, Box, Capsule, Cylinder, Obstacle, Plane, Shell, Sphere
 from tisoft.pins import Pin, Turn
 from tisoft.probed import Probed, probed
 from tisoft.scene_parts import Camera, NoContact, Probe, Render
@@ -26,6 +26,8 @@ __all__ = [
     "Body",
     "Box",
     "Camera",
+    "Capsule",
+    "Cylinder",
     "Load",
     "NoContact",
     "Obstacle",
@@ -34,6 +36,7 @@ __all__ = [
     "Probe",
     "Render",
     "Scene",
+    "Shell",
     "Sphere",
     "Torque",
     "Turn",
@@ -205,8 +208,10 @@ class Scene:
 
 
 def _check_obstacle(obstacle: Any) -> None:
-    if not isinstance(obstacle, Plane | Sphere | Box):
-        raise FieldError("obstacle", "must be a Plane, a Sphere or a Box", obstacle)
+    if not isinstance(obstacle, tuple(OBSTACLES.values())):
+        known = [kind.__name__ for kind in OBSTACLES.values()]
+        problem = f"must be a {', '.join(known[:-1])} or {known[-1]}"
+        raise FieldError("obstacle", problem, obstacle)
 
 
 def _check_unique(kind: str, names: list[str]) -> None:

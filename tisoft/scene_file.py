@@ -10,7 +10,6 @@ import re
 import tomllib
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -22,8 +21,6 @@ from tisoft.geometry.mesh import Mesh, SpringNet
 from tisoft.loads import Load, Torque
 from tisoft.models.materials import MODELS, Model, young_and_poisson
 from tisoft.models.presets import preset
-from tisoft.moving import MOTIONS, check_motion
-from tisoft.obstacles import OBSTACLES, Obstacle
 from tisoft.pins import Pin, Turn
 from tisoft.region_material import RegionMaterial
 from tisoft.scene import Scene
@@ -37,6 +34,7 @@ from tisoft.scene_keys import (
     parse_toml,
     tables,
 )
+from tisoft.scene_obstacle import obstacle_of
 from tisoft.scene_parts import Camera, NoContact, Probe, Render
 from tisoft.where import Selection
 
@@ -155,7 +153,9 @@ def _scene(document: Table, folder: Path) -> Scene:
         **settings,
         camera=make(Camera, document.get("camera", {}), "camera"),
         render=make(Render, document.get("render", {}), "render"),
-        obstacles=[_obstacle(table, field) for field, table in tables(document, "obstacle")],
+        obstacles=[
+            obstacle_of(table, field, folder) for field, table in tables(document, "obstacle")
+        ],
     )
     for field, table in tables(document, "body"):
         _add_body(scene, table, field, folder)
@@ -166,19 +166,6 @@ def _scene(document: Table, folder: Path) -> Scene:
             scene.add_probe(probe.name, probe.body, point=probe.point, node=probe.node)
     scene.validate()
     return scene
-
-
-def _obstacle(table: Any, field: str) -> Obstacle:
-    check_keys(table, field, (*OBSTACLES, "friction", *MOTIONS))
-    kind = checks.exactly_one(field, {key: table.get(key) for key in OBSTACLES})
-    with inside(field):
-        friction = checks.number("friction", table.get("friction", 0.0), least=0.0)
-    motion = {key: table.get(key) for key in MOTIONS}
-    if motion["turn"] is not None:
-        motion["turn"] = make(Turn, table["turn"], joined(field, "turn"))
-    with inside(field):
-        check_motion(SimpleNamespace(**motion))
-    return make(OBSTACLES[kind], table[kind], joined(field, kind), friction=friction, **motion)
 
 
 def _add_body(scene: Scene, table: Any, field: str, folder: Path) -> None:

@@ -145,7 +145,7 @@ def build_mesh(table: Any, field: str, folder: Path, model: Model) -> Mesh:
     check_keys(table, field, (*SOURCES, *TRANSFORM, "merge", "refine", "cage", "element"))
     source = checks.exactly_one(field, {key: table.get(key) for key in SOURCES})
     with inside(field):
-        transform = _transform(table)
+        transform = placing(table)
         merge = _merge(table, source)
     cells = None
     if "cage" in table:
@@ -153,12 +153,12 @@ def build_mesh(table: Any, field: str, folder: Path, model: Model) -> Mesh:
     path = joined(field, source)
     try:
         if cells and source == "file" and scene_cage.is_surface(table["file"]):
-            mesh = _read(
+            mesh = read_beside(
                 path, table["file"], folder, lambda f: scene_cage.cage_of_file(f, cells, transform)
             )
             return mesh if {"scale", "units"} & table.keys() else _questioned(mesh)
         if source == "file":
-            mesh = _read(path, table["file"], folder, _read_mesh)
+            mesh = read_beside(path, table["file"], folder, _read_mesh)
         elif source == "points":
             mesh = _net(path, table["points"], model)
         else:
@@ -249,7 +249,7 @@ def _questioned(mesh: Mesh) -> Mesh:
     return replace(mesh, questions=(told,))
 
 
-def _transform(table: Table) -> dict[str, Any]:
+def placing(table: Table) -> dict[str, Any]:
     """How a mesh is put into its place."""
     nothing = (0.0, 0.0, 0.0)
     return {
@@ -275,8 +275,8 @@ def build_skin(body: Table, field: str, folder: Path, mesh: Mesh) -> Skin:
         raise FieldError(field, "is carried by tets, and this body has springs alone; remove it")
     path, name = joined(field, "file"), table["file"]
     try:
-        return _read(
-            path, name, folder, lambda file: read_skin(file, mesh, **_transform(body["mesh"]))
+        return read_beside(
+            path, name, folder, lambda file: read_skin(file, mesh, **placing(body["mesh"]))
         )
     except MeshError as error:
         told = str(error).removeprefix(f"{folder / str(name)}: ")
@@ -289,7 +289,7 @@ def _read_mesh(path: Path) -> Mesh:
     return read_mesh(path)
 
 
-def _read(field: str, name: Any, folder: Path, read: Callable[[Path], Any]) -> Any:
+def read_beside(field: str, name: Any, folder: Path, read: Callable[[Path], Any]) -> Any:
     """What `read` makes of a file that lies beside the scene's."""
     if not isinstance(name, str) or not name.isprintable() or not name:
         raise FieldError(field, 'must be the name of a mesh file, as "jelly.vtu"', name)

@@ -85,7 +85,8 @@ def test_soft_block_sticks(friction, degrees):
 
 OBSTACLES = {
     "plane": ts.Plane(point=(0, -1, 0), friction=0.4),
-    "sphere": ts.Sphere(center=(0.1, -1.2, 0.1), radius=0.8, friction=0.4),
+    # So large that nodes alone meet it: faces are for tests/touch.
+    "sphere": ts.Sphere(center=(0.1, -3.6, 0.1), radius=3.2, friction=0.4),
     "box": ts.Box(center=(0.1, -0.7, 0.1), size=(0.7, 0.5, 0.6), friction=0.4),
 }
 
@@ -183,8 +184,8 @@ def test_turned_scene_gives_the_turned_answer(kind):
             normal = np.array([0.2, 1.0, 0.1])
             obstacle = ts.Plane(point=(0, 0, 0), normal=tuple(T @ normal), friction=0.3)
         else:
-            center = T @ np.array([0.1, -0.5, 0.05])
-            obstacle = ts.Sphere(center=tuple(center), radius=0.55, friction=0.3)
+            center = T @ np.array([0.1, -4.95, 0.05])
+            obstacle = ts.Sphere(center=tuple(center), radius=5.0, friction=0.3)
         model = ts.ViscoElastic(1e5, 0.3, 1000.0, phi=20.0, eta=20.0)
         sim = simulate(
             (body, model), h=5e-4, substeps=600, gravity=tuple(T @ [1.0, -G, 0]),
@@ -291,7 +292,7 @@ def test_obstacles_put_elsewhere_between_frames_are_followed():
     assert (y.min(), y.max()) == pytest.approx((0.0, 0.19), abs=1e-6)
     assert told["external_work"] == pytest.approx(told["elastic"] + told["dissipated"], rel=0.05)
     assert told["dissipated"] > 0
-    scene.obstacles.append(ts.Sphere((0.1, 0.3, 0.1), 0.05, friction=1.0))
+    scene.obstacles.append(ts.Sphere((0.1, 1.3, 0.1), 0.05, friction=1.0))
     sim.step()
     scene.obstacles.clear()
     sim.step()

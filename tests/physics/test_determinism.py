@@ -31,7 +31,8 @@ SCENES = {
 }
 
 
-BALL = ts.Sphere(center=(0.5, 0.1, -0.32), radius=0.3, friction=0.3)
+BALL = ts.Sphere(center=(0.5, 0.1, -30.02), radius=30.0, friction=0.3)
+"""Nodes alone meet one so large; faces are for tests/touch."""
 ON_A_BALL = ("viscoelastic", "mass-spring")
 
 

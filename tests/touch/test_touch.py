@@ -128,3 +128,63 @@ def test_bodies_that_explode_in_contact_end_soon():
     sim.run(0.06)
     assert sim.touching.counts()["rows"] > 100  # they met before
     assert not np.isfinite(sim.positions()).all()
+
+
+POST = ts.Box(center=(0, 0.25, 0), size=(0.06, 0.5, 0.06), friction=0.5)
+SMALLER_THAN_A_FACE = {
+    "post": POST,
+    "shell": ts.Shell(POST.corners(1.0).rest, POST.corners(1.0).triangles, friction=0.5),
+    "ridge": ts.Box(center=(0, 0.25, 0), size=(0.04, 0.5, 3.0), friction=0.5),
+    "ball": ts.Sphere(center=(0, 0.44, 0), radius=0.06, friction=0.5),
+    "capsule": ts.Capsule((0, 0.46, -1), (0, 0.46, 1), 0.04, friction=0.5),
+    "cylinder": ts.Cylinder((0, 0, 0), (0, 0.5, 0), 0.04, friction=0.5),
+}
+
+
+def surface_points(sim, n=6):
+    """Points all over the faces of the only body, and between them [m]."""
+    a, b, c = (sim.positions()[sim.scene.bodies[0].mesh.surface[:, k]] for k in range(3))
+    shares = [(i / n, j / n) for i in range(n + 1) for j in range(n + 1 - i)]
+    return np.concatenate([(1 - u - v) * a + u * b + v * c for u, v in shares])
+
+
+def on(obstacle, **keys):
+    """A slab of cells of 0.2 m that comes down 0.02 m above an obstacle's top at y = 0.5 m."""
+    scene = ts.Scene(frame_rate=60.0, step=2e-3)
+    mesh = ts.box(size=(0.4, 0.2, 0.4), cells=(2, 1, 2))
+    body = scene.add_body(mesh.transformed(translate=(-0.09, 0.52, -0.1)), ts.ViscoElastic(
+        **SOFT, phi=20.0, eta=20.0), **keys)  # fmt: skip
+    scene.add_obstacle(obstacle)
+    return scene, body
+
+
+@pytest.mark.parametrize("kind", SMALLER_THAN_A_FACE)
+def test_no_face_sinks_into_what_is_smaller_than_it(kind):
+    obstacle = SMALLER_THAN_A_FACE[kind]
+    shape = POST if kind == "shell" else obstacle
+    scene, _ = on(obstacle)
+    sim = simulation(scene, threads=1)
+    deepest = 0.0
+    for frame in sim.frames(0.3):
+        deepest = max(deepest, shape.depth(surface_points(sim)).max())
+        if 0.1 < frame.time < 0.2:
+            assert sim.positions()[:, 1].max() > 0.6  # it does not fall through
+    assert sim.touching.counts()["rows"] > 50
+    assert deepest < 0.002
+
+
+def test_an_obstacle_under_a_face_lifts_it_and_the_ledger_knows():
+    """A post that rises at 0.5 m/s throws the slab up and catches it; its work is what that got."""
+    obstacle = ts.Box(center=(0.11, 0.25, 0.1), size=(0.1, 0.5, 0.1), velocity=(0, 0.5, 0))
+    sim = simulation(on(obstacle)[0], threads=1)
+    sim.run(0.4)
+    told = sim.energy()
+    assert told["gravity"] > 0.9 * 32.0 * 9.81 * 0.18  # 0.5 m/s · 0.4 s less the fall of 0.02 m
+    assert abs(told["error"]) < 0.003 * told["external_work"]
+
+
+def test_a_slab_that_starts_in_closed_triangles_is_refused():
+    around = ts.Box(center=(0.1, 0.5, 0.1), size=(1, 1, 1)).corners(1.0)
+    scene, _ = on(ts.Shell(around.rest, around.triangles))
+    with pytest.raises(ts.SceneError, match=r'body0" starts 0\.48 m inside obstacle\[0\]'):
+        simulation(scene, threads=1)

@@ -14,7 +14,7 @@ from tisoft.depth import depth_inside
 from tisoft.geometry.mesh import TetMesh
 from tisoft.model.network import triangle_areas
 from tisoft.models.materials import NeoHookean, SolidModel, ViscoElastic
-from tisoft.scene import Obstacle, Plane, Scene
+from tisoft.scene import Obstacle, Plane, Scene, Shell
 
 Floats = NDArray[np.float64]
 
@@ -38,6 +38,12 @@ def _of_scene(scene: Scene) -> Iterator[str]:
     touching = [body for body in scene.bodies if body.contact]
     if len(touching) > 1 and scene.integrator == "explicit-euler":
         yield "with explicit-euler bodies pass through each other: take symplectic-euler"
+    faceless = [body.name for body in scene.bodies if not len(body.mesh.surface)]
+    for number, obstacle in enumerate(scene.obstacles):
+        if isinstance(obstacle, Shell) and scene.integrator == "explicit-euler":
+            yield f"with explicit-euler bodies pass through obstacle[{number}], a surface file"
+        elif isinstance(obstacle, Shell) and faceless:
+            yield f'body "{faceless[0]}" has no faces and passes through obstacle[{number}]'
     if scene.integrator == "explicit-euler":
         yield "explicit Euler gains energy at any step: it is there to show how it fails"
 

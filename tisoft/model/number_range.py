@@ -29,8 +29,8 @@ def check_range(system: System, scene: Scene) -> None:
         _check(f"body[{part.index}]", "initial speed", "m/s", speeds, 0.0, room)
     _check("gravity", "component", "m/s²", list(scene.gravity), 0.0, room)
     for i, obstacle in enumerate(scene.obstacles):
-        place = obstacle.point if isinstance(obstacle, Plane) else obstacle.center
-        _check(f"obstacle[{i}]", "position", "m", list(place), 0.0, room)
+        box = (np.array(obstacle.point),) if isinstance(obstacle, Plane) else obstacle.bounds()
+        _check(f"obstacle[{i}]", "position", "m", np.concatenate(box), 0.0, room)
 
 
 def check_bound(bound: float, system: System) -> None:

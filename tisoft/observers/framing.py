@@ -12,7 +12,7 @@ from tisoft.moving import moves
 from tisoft.observers.quantities import QUANTITIES
 from tisoft.observers.track import Snapshot, snapshot_of
 from tisoft.render.camera import Camera, auto_camera, turned
-from tisoft.scene import Box, Plane, Scene, Sphere
+from tisoft.scene import Plane, Scene
 from tisoft.simulation import Simulation
 
 Floats = NDArray[np.float64]
@@ -189,17 +189,11 @@ def _outermost(scene: Scene, survey: Survey) -> Floats | None:
 
 
 def _framed_obstacles(scene: Scene, survey: Survey) -> list[tuple[Floats, Floats]]:
-    """Corners of the boxes around spheres and boxes that are shown whole."""
+    """Corners of the boxes around obstacles that are shown whole."""
     found = []
     reach = LARGEST * float(np.linalg.norm(survey.hi - survey.lo))
     for obstacle in scene.obstacles:
-        if isinstance(obstacle, Plane):
-            continue
-        half = np.full(3, obstacle.radius) if isinstance(obstacle, Sphere) else _half(obstacle)
-        if 2.0 * np.linalg.norm(half) <= reach:
-            found.append((np.array(obstacle.center) - half, np.array(obstacle.center) + half))
+        box = obstacle.bounds()
+        if box is not None and np.linalg.norm(box[1] - box[0]) <= reach:
+            found.append(box)
     return found
-
-
-def _half(box: Box) -> Floats:
-    return 0.5 * np.array(box.size)

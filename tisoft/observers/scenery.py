@@ -20,11 +20,17 @@ from tisoft.observers.track import Snapshot
 from tisoft.render.camera import Camera, pixels_of
 from tisoft.render.colormap import body_color, colors_of
 from tisoft.render.items import Capsules, Item, Spheres, Surface
-from tisoft.render.obstacles import box_surface, plane_surface, sphere_surface
+from tisoft.render.obstacles import (
+    box_surface,
+    plane_surface,
+    rod_surface,
+    shell_surface,
+    sphere_surface,
+)
 from tisoft.render.overlay import ColorBar, draw_caption, draw_color_bar, draw_labels
 from tisoft.render.renderer import Renderer
 from tisoft.render.stage import GroundPlane, tile_length
-from tisoft.scene import Box, Plane, Scene, Sphere
+from tisoft.scene import Box, Capsule, Cylinder, Plane, Scene, Shell, Sphere
 
 Floats = NDArray[np.float64]
 Picture = NDArray[np.uint8]
@@ -225,7 +231,7 @@ def _longest_side(body: Body) -> float:
 
 
 def obstacle_items(scene: Scene, ground: Plane | None, survey: Survey) -> list[Item]:
-    """Spheres, boxes, and patches of the planes that are not the ground.
+    """The obstacles but the ground; of planes a patch.
 
     Nodes lie on a sphere, so the triangles between them cut into it, by edge²/8R and more where
     they stretch: spheres are drawn that much smaller, lest they poke through a cloth.
@@ -239,6 +245,11 @@ def obstacle_items(scene: Scene, ground: Plane | None, survey: Survey) -> list[I
             items.append(sphere_surface(obstacle.center, obstacle.radius - sunk))
         elif isinstance(obstacle, Box):
             items.append(box_surface(obstacle.center, obstacle.size))
+        elif isinstance(obstacle, Capsule | Cylinder):
+            ends = (obstacle.start, obstacle.end, obstacle.radius)
+            items.append(rod_surface(*ends, round_ends=isinstance(obstacle, Capsule)))
+        elif isinstance(obstacle, Shell):
+            items.append(shell_surface(obstacle.points, obstacle.triangles))
         elif obstacle is not ground:
             middle, normal = 0.5 * (lo + hi), np.array(obstacle.normal)
             below = normal * (normal @ (middle - np.array(obstacle.point)))

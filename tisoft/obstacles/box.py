@@ -18,7 +18,14 @@ from numpy.typing import NDArray
 from tisoft import checks
 from tisoft.checks import FieldError, Vector, keep_number, put
 from tisoft.moving import check_motion, pose
+from tisoft.obstacles.base import Corners
 from tisoft.turning import Turn
+
+TRIANGLES = np.array(
+    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+     [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+)  # fmt: skip
+"""Between corners numbered by their bits, x first."""
 
 
 @dataclass(frozen=True)
@@ -83,3 +90,28 @@ class Box:
             gap = length
             normal = outside / length
         return gap, normal
+
+    @staticmethod
+    def corner(a, b, r, local):  # type: ignore[no-untyped-def]
+        """Place [m] of a point of it, by its share of the half sizes: a Taichi function."""
+        return a + b * local
+
+    def depth(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How deep points [m] are inside at t = 0, shape (n,); negative outside."""
+        away = np.abs(points - np.array(self.center))
+        depth: NDArray[np.float64] = (0.5 * np.array(self.size) - away).min(axis=1)
+        return depth
+
+    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lowest and highest corner at t = 0 [m], shape (3,) each."""
+        middle, half = np.array(self.center), 0.5 * np.array(self.size)
+        return middle - half, middle + half
+
+    def core(self) -> None:
+        """It has none."""
+
+    def corners(self, edge: float) -> Corners:
+        """Its eight."""
+        local = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)], float)
+        rest = np.array(self.center) + 0.5 * np.array(self.size) * local
+        return Corners(local, rest, TRIANGLES)

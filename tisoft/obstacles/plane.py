@@ -64,3 +64,22 @@ class Plane:
     def distance(a, b, r, x):  # type: ignore[no-untyped-def]
         """Signed distance of x [m] and the direction it grows in: a Taichi function (`contact`)."""
         return a.dot(x) - r, a
+
+    @staticmethod
+    def corner(a, b, r, local):  # type: ignore[no-untyped-def]
+        """It has none: a Taichi function."""
+        return local
+
+    def depth(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How deep points [m] are inside at t = 0, shape (n,); negative outside."""
+        depth: NDArray[np.float64] = (np.array(self.point) - points) @ np.array(self.normal)
+        return depth
+
+    def bounds(self) -> None:
+        """It has none."""
+
+    def core(self) -> None:
+        """None: nodes see all of it."""
+
+    def corners(self, edge: float) -> None:
+        """None."""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from tisoft import checks
 from tisoft.checks import Vector, keep_number, put
 from tisoft.moving import check_motion, pose
+from tisoft.obstacles.base import POINT, Core
 from tisoft.turning import Turn
 
 
@@ -69,3 +70,24 @@ class Sphere:
         if length > 0.0:
             normal = d / length
         return length - r, normal
+
+    @staticmethod
+    def corner(a, b, r, local):  # type: ignore[no-untyped-def]
+        """The center [m]: a Taichi function."""
+        return a + 0.0 * local
+
+    def depth(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How deep points [m] are inside at t = 0, shape (n,); negative outside."""
+        depth: NDArray[np.float64] = self.radius - np.linalg.norm(points - self.center, axis=1)
+        return depth
+
+    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lowest and highest corner of the box around it at t = 0 [m], shape (3,) each."""
+        return np.array(self.center) - self.radius, np.array(self.center) + self.radius
+
+    def core(self) -> Core:
+        """Its center."""
+        return Core(POINT, np.zeros((1, 3)), np.array([self.center]), self.radius)
+
+    def corners(self, edge: float) -> None:
+        """It has none."""

@@ -1,4 +1,4 @@
-"""Surfaces of the obstacles: spheres, boxes and patches of a plane, in neutral grey."""
+"""Surfaces of the obstacles, in neutral grey."""
 
 from __future__ import annotations
 
@@ -35,6 +35,40 @@ def plane_surface(
     u /= np.linalg.norm(u)
     grid, triangles = _patch(CELLS, n, u, np.cross(n, u))
     return Surface((grid - n) * side / 2 + np.asarray(point, float), triangles, color, shine=0.3)
+
+
+def rod_surface(
+    start: ArrayLike, end: ArrayLike, radius: float, *, round_ends: bool, color: ArrayLike = GREY
+) -> Surface:
+    """A rod with round or flat ends; lengths in metres."""
+    start, end = np.asarray(start, float), np.asarray(end, float)
+    points, triangles = cube(12)
+    points = np.tan(points * np.pi / 4)
+    length = float(np.linalg.norm(end - start))
+    along = (end - start) / length
+    if round_ends:
+        points /= np.linalg.norm(points, axis=1, keepdims=True)
+        across, high = points[:, :2] * radius, points[:, 2] * radius
+        high += np.where(points[:, 2] > 0.0, 0.5 * length, -0.5 * length)
+    else:  # squares become discs
+        widest = np.abs(points[:, :2]).max(axis=1)
+        across = points[:, :2] * radius
+        across *= (widest / np.maximum(np.linalg.norm(points[:, :2], axis=1), 1e-30))[:, None]
+        high = 0.5 * length * points[:, 2]
+    u = np.eye(3)[np.argmin(np.abs(along))]
+    u = u - (along @ u) * along
+    u /= np.linalg.norm(u)
+    frame = np.stack([u, np.cross(along, u), along])
+    places = 0.5 * (start + end) + np.column_stack([across, high]) @ frame
+    return Surface(places, triangles, color, shine=0.5)
+
+
+def shell_surface(
+    points: NDArray[np.float64], triangles: NDArray[np.integer], *, color: ArrayLike = GREY
+) -> Surface:
+    """A surface of triangles, drawn with flat faces: each has points of its own."""
+    flat = np.arange(3 * len(triangles), dtype=np.int32).reshape(-1, 3)
+    return Surface(points[triangles].reshape(-1, 3), flat, color, shine=0.3)
 
 
 def _patch(

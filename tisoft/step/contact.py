@@ -22,6 +22,20 @@ from tisoft.obstacles import OBSTACLES
 
 DISTANCES = [ti.func(shape.distance) for shape in OBSTACLES.values()]
 
+CORNERS = [ti.func(shape.corner) for shape in OBSTACLES.values()]
+
+
+@ti.func
+def corner_place(state: ti.template(), row, local):
+    """Place [m] of a point of the obstacle in a row, from its own coordinates."""
+    a = ti.Vector([state.obstacle[row, 0], state.obstacle[row, 1], state.obstacle[row, 2]])
+    b = ti.Vector([state.obstacle[row, 3], state.obstacle[row, 4], state.obstacle[row, 5]])
+    x = 0.0 * local
+    for kind in ti.static(range(len(CORNERS))):
+        if state.obstacle_kind[row] == kind:
+            x = CORNERS[kind](a, b, state.obstacle[row, 6], local)
+    return x
+
 
 @ti.func
 def gap_and_normal(state: ti.template(), row, x):

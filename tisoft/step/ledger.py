@@ -53,6 +53,17 @@ def note(state: ti.template(), i, elements, viscous, moved, old, now):
 
 
 @ti.func
+def note_carried(state: ti.template(), i, work):
+    """Count work [J] of moving obstacles' surfaces on node i, along normals and by friction, as
+    external: J·w of J·(v + v')/2, which `note_touch` takes for lost.
+    """
+    state.work[i][0] = state.work[i][0] + work[0] + work[1]
+    state.work[i][1] = state.work[i][1] + work[0] + work[1]
+    state.touched[i][0] = state.touched[i][0] + work[0]
+    state.touched[i][1] = state.touched[i][1] + work[1]
+
+
+@ti.func
 def note_touch(state: ti.template(), i, moved, pushed, rubbed):
     """Add what other surfaces did to node i, pushed and rubbed [m/s]: −m J·(v + v')/2 each to
     state.touched; what a held component takes up is its pin's work.

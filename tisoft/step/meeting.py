@@ -13,7 +13,8 @@ import taichi as ti
 
 from tisoft.model.state import THREADS, TOUCH_SCENE
 from tisoft.model.threads import SLICE, meet, share
-from tisoft.step import external, forces
+from tisoft.step import external, forces, ledger
+from tisoft.step.contact import corner_place, surface_velocity
 from tisoft.step.fixed import held
 from tisoft.step.substep import move, move_solved, node, now_of
 from tisoft.touch import fields as f
@@ -37,6 +38,48 @@ def place(s: ti.template(), i, p, v):
 
 
 @ti.func
+def stand(s: ti.template(), p):
+    """Tell contact where an obstacle's point p is and how fast [m/s].  Reads obstacle."""
+    body = s.surfaces.body[p]
+    row = s.surfaces.trait[body, f.ROW]
+    x = corner_place(s.state, row, s.surfaces.local[p])
+    v = surface_velocity(s.state, row, x)
+    s.surfaces.place[p] = x
+    s.surfaces.velocity[p], s.surfaces.kicked[p] = v, v
+    for d in ti.static(range(3)):
+        s.surfaces.spin[body][d] = s.state.obstacle[row, 12 + d]
+
+
+@ti.func
+def stand_all(s: ti.template(), q, t, threads):
+    """The same of thread t's points of all obstacles."""
+    low, high = s.surfaces.order[q, f.STANDING], s.surfaces.order[q, f.POINT_END]
+    for p in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
+        stand(s, p)
+
+
+@ti.func
+def carried_by(s: ti.template(), p):
+    """Work [J] of moving obstacles on point p, along normals and by friction: an impulse times the
+    velocity of the surface, −|w| P·(Σ w_k v_k), over an obstacle's points of the row.
+    """
+    work = ti.Vector([0.0 * s.surfaces.weight[p], 0.0 * s.surfaces.weight[p]])
+    for k in range(s.surfaces.slot_start[p], s.surfaces.slot_start[p + 1]):
+        c = s.surfaces.slot[k >> 2, k & 3]
+        z = c >> 2
+        if s.surfaces.near[z]:
+            v = s.surfaces.drift[z]
+            for e in range(4):
+                other = s.surfaces.ends[z, e]
+                if s.surfaces.trait[s.surfaces.body[other], f.OBSTACLE]:
+                    v += s.surfaces.share[z, e] * s.surfaces.velocity[other]
+            part = ti.abs(s.surfaces.share[z, c & 3])
+            work[0] -= part * s.surfaces.impulse[z] * v.dot(s.surfaces.normal[z])
+            work[1] -= part * v.dot(s.surfaces.grip[z])
+    return work
+
+
+@ti.func
 def kick(s: ti.template(), i, row, n, now):
     """Acceleration of node i without contact, into row n of touch; its point's place and v*."""
     a, elements = 0.0 * s.state.velocity[i], 0.0 * s.state.velocity[i]
@@ -53,7 +96,7 @@ def kick(s: ti.template(), i, row, n, now):
 
 
 @ti.func
-def finish(s: ti.template(), i, n, now):
+def finish(s: ti.template(), i, n, moving, now):
     """Move node i with what contact has added to its velocity."""
     p = s.surfaces.point[n]
     pushed, rubbed = 0.0 * s.state.velocity[i], 0.0 * s.state.velocity[i]
@@ -61,6 +104,9 @@ def finish(s: ti.template(), i, n, now):
         if s.surfaces.met[p]:
             pushed = s.surfaces.pushed[p] * s.state.inverse_mass[i]
             rubbed = s.surfaces.rubbed[p] * s.state.inverse_mass[i]
+            if ti.static(s.ledger and s.contact):
+                if moving:
+                    ledger.note_carried(s.state, i, carried_by(s, p))
     move(s, i, s.surfaces.acceleration[n], s.surfaces.force[n], now, pushed, rubbed)
 
 
@@ -73,6 +119,29 @@ def left(s: ti.template(), i, p, h):
 
 
 @ti.func
+def gone(s: ti.template(), q, t, threads):
+    """How far [m] thread t's points of obstacles have gone since the search, and how fast [m/s]."""
+    far, fast = 0.0 * s.surfaces.weight[0], 0.0 * s.surfaces.weight[0]
+    low, high = s.surfaces.order[q, f.STANDING], s.surfaces.order[q, f.POINT_END]
+    for p in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
+        far = ti.max(far, (s.surfaces.place[p] - s.surfaces.listed[p]).norm())
+        fast = ti.max(fast, s.surfaces.velocity[p].norm())
+    return far, fast
+
+
+@ti.func
+def left_standing(s: ti.template(), q, t, threads, h):
+    """The like of `left` of thread t's points of obstacles, placed when the substep began."""
+    most = 0.0 * h
+    low, high = s.surfaces.order[q, f.STANDING], s.surfaces.order[q, f.POINT_END]
+    for p in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
+        way = (s.surfaces.place[p] - s.surfaces.listed[p]).norm()
+        way += 3.0 * h * s.surfaces.velocity[p].norm()
+        most = ti.max(most, way / s.surfaces.number[s.surfaces.body[p], f.ALLOWED])
+    return most
+
+
+@ti.func
 def renew(s: ti.template(), scene, t, threads, now):
     """List the pairs anew, as thread t of `threads` sees it."""
     phase = 0
@@ -82,6 +151,8 @@ def renew(s: ti.template(), scene, t, threads, now):
         p = s.surfaces.point[s.surfaces.order[q, f.NODE] + i - low]
         if p >= 0:
             place(s, i, p, s.state.velocity[i])
+    if ti.static(s.contact):
+        stand_all(s, q, t, threads)
     phase += 1
     meet(s, scene, phase, threads)
     search(s, s.surfaces, scene, q, t, threads, phase, now)
@@ -107,8 +178,15 @@ def touch_nodes(s: ti.template(), scene, t, threads, phase, now):
     thread, base = s.surfaces.order[q, f.THREAD], s.surfaces.order[q, f.NODE] - low
     back = s.state.ranges[scene, 15] - low
     is_met = s.surfaces.order[q, f.COUNT] > 0 and now.opens
+    moving = s.surfaces.order[q, f.MOVING]
+    if ti.static(s.contact):
+        if moving:
+            stand_all(s, q, t, threads)
     if is_met:
         far, fast = 0.0 * now.h, 0.0 * now.h
+        if ti.static(s.contact):
+            if moving:
+                far, fast = gone(s, q, t, threads)
         for i in range(first, last):
             kick(s, i, i + back, i + base, now)
             p = s.surfaces.point[i + base]
@@ -134,7 +212,7 @@ def touch_nodes(s: ti.template(), scene, t, threads, phase, now):
     share_gone = 0.0 * now.h
     for i in range(first, last):
         if is_met:
-            finish(s, i, i + base, now)
+            finish(s, i, i + base, moving, now)
         elif ti.static(s.consistent):
             move_solved(s, i, i + back, now)
         else:
@@ -142,6 +220,9 @@ def touch_nodes(s: ti.template(), scene, t, threads, phase, now):
         p = s.surfaces.point[i + base]
         if p >= 0:
             share_gone = ti.max(share_gone, left(s, i, p, now.h))
+    if ti.static(s.contact):
+        if moving:
+            share_gone = ti.max(share_gone, left_standing(s, q, t, threads, now.h))
     s.surfaces.most[thread + t, f.STALE] = share_gone
     return phase
 

@@ -61,8 +61,8 @@ def clamped(value):
 
 
 @ti.func
-def between_edges(a, b, c, d):
-    """Distance [m] of two edges, ends included."""
+def along_edges(a, b, c, d):
+    """s and t of the points a + s (b − a) and c + t (d − c) of two edges nearest to each other."""
     u, v, r = b - a, d - c, a - c
     uu, vv, uv, ur, vr = u.dot(u), v.dot(v), u.dot(v), u.dot(r), v.dot(r)
     det = uu * vv - uv * uv
@@ -71,4 +71,44 @@ def between_edges(a, b, c, d):
         s = clamped((uv * vr - vv * ur) / det)
     t = clamped((uv * s + vr) / vv)
     s = clamped((uv * t - ur) / uu)
-    return (r + s * u - t * v).norm()
+    return s, t
+
+
+@ti.func
+def between_edges(a, b, c, d):
+    """Distance [m] of two edges, ends included."""
+    s, t = along_edges(a, b, c, d)
+    return (a + s * (b - a) - c - t * (d - c)).norm()
+
+
+@ti.func
+def nearest_on_line(p, q, a, b, c, blur):
+    """The point of line pq nearest to triangle abc: where several are, up to `blur` [m], amid them.
+
+    A line along a face has none of its own; picked at random, it would rock.
+    """
+    nearest = 0.0 * p
+    least, total = 0.0 * blur + 1e30, 0.0 * blur
+    for twice in range(2):
+        for k in range(5):
+            x = p if k == 0 else q
+            d = 0.0 * blur
+            if k < 2:
+                w = on_triangle(x, a, b, c)
+                d = (x - w[0] * a - w[1] * b - w[2] * c).norm()
+            else:
+                e, f = a, b
+                if k == 3:
+                    e, f = b, c
+                if k == 4:
+                    e, f = c, a
+                s, t = along_edges(p, q, e, f)
+                x = p + s * (q - p)
+                d = (x - e - t * (f - e)).norm()
+            if twice == 0:
+                least = ti.min(least, d)
+            else:
+                weight = ti.max(least + blur - d, 0.0 * blur)
+                nearest += weight * x
+                total += weight
+    return nearest / total

@@ -17,19 +17,21 @@ A = ti.types.ndarray()
 
 (POINT, POINT_END, TRIANGLE, TRIANGLE_END, EDGE, EDGE_END, BODY, BODY_END, PAIR, FACE_ROOM,
  EDGE_ROOM, BUCKET, MASK, NODE, COUPLE, BOX, BOX_END, THREAD, COUNT, BUILT, BUILDS, FULL,
- SWEEPS, ROWS, BOXES) = range(25)  # fmt: skip
+ SWEEPS, ROWS, BOXES, STANDING, CORES, MOVING, ORDERS) = range(29)  # fmt: skip
 """Columns of `Touch.order`: where a scene's rows begin and end; candidates found; threads of the
 last search, 0 where it is out of date; searches; whether candidates found no room; sweeps and rows
-so far."""
+so far; first point and first core of obstacles, and whether those move."""
 LEAST, MOST, THICK, LONGEST, REACH, MARGIN, TOLERANCE, LIMIT = range(8)
 """Columns of `Touch.length` [m]: least and most margin, largest thickness, longest edge, distance
 up to which pairs are listed, the margin in it, residual that ends the sweeps, reach within one
 body."""
-SOLID, SELF, KINEMATIC, FIRST, LAST, NEAR, BOX_START = range(7)
-"""Columns of `Touch.trait`."""
-HALF, FRICTION, DEPTH, ALLOWED = range(4)
-"""Columns of `Touch.number`: half the thickness [m], Coulomb's coefficient, depth of push [m], way
-[m] that a point may go before the next search."""
+SOLID, SELF, OBSTACLE, ROUND, BARE, ROW, FIRST, LAST, NEAR, BOX_START, TRAITS = range(11)
+"""Columns of `Touch.trait`: whether it is an obstacle, the kind of core that it is, whether points
+leave its triangles alone, its row of `State.obstacle`."""
+HALF, FRICTION, DEPTH, ALLOWED, SHARE, EASE, NUMBERS = range(7)
+"""Columns of `Touch.number`: half the thickness, or a core's radius [m], Coulomb's coefficient,
+depth of push [m], way [m] that a point may go before the next search, share that it takes of the
+other's half, most of a penetration that counts [m]."""
 FACE_START, FACE_STOP, EDGE_START, EDGE_STOP, FACES_NEAR, EDGES_NEAR = range(6)
 """Columns of `Touch.segment`: each thread's pairs, and how many of them have rows."""
 FAR, FAST, WORST, STALE, BLOWN = range(5)
@@ -85,6 +87,8 @@ class Touch:
         """Row of its body."""
         self.place = field(vec3, "points")
         """From its body's origin [m]."""
+        self.local = field(vec3, "points")
+        """Of an obstacle: the same in its own coordinates."""
         self.listed = field(vec3, "points")
         """The same at the last search [m]."""
         self.velocity = field(vec3, "points")
@@ -153,6 +157,10 @@ class Touch:
         """λ [N s]."""
         self.grip = field(vec3, "pairs")
         """λ_t [N s]."""
+        self.drift = field(vec3, "pairs")
+        """Velocity [m/s] of an obstacle's surface beyond that of its points, turned round."""
+        self.rough = field(real, "pairs")
+        """μ."""
         self.slot = field(ti.i32, "pairs", 4)
         """4 pair + corner, by point; four to a row."""
 
@@ -160,8 +168,10 @@ class Touch:
         """Where the points, and the edges, of a bucket begin."""
         self.only = field(ti.i32, "buckets")
         """Body that a bucket's points are all of, −1 where of several."""
-        self.trait = field(ti.i32, "bodies", 7)
-        self.number = field(real, "bodies", 4)
+        self.trait = field(ti.i32, "bodies", TRAITS)
+        self.number = field(real, "bodies", NUMBERS)
+        self.spin = field(vec3, "bodies")
+        """ω of an obstacle [1/s]."""
         self.origin = field(ti.types.vector(3, wide), "bodies")
         """From the scene's middle [m]."""
         self.low = field(vec3, "bodies")
@@ -174,7 +184,7 @@ class Touch:
         self.box_high = field(vec3, "boxes")
         self.segment = field(ti.i32, "threads", 6)
         self.most = field(real, "threads", 5)
-        self.order = field(ti.i32, "scenes", 25)
+        self.order = field(ti.i32, "scenes", ORDERS)
         self.length = field(wide, "scenes", 8)
         self.tree = builder.finalize()
 
@@ -182,9 +192,9 @@ class Touch:
     def bytes_of(structure: str, rows: dict[str, int]) -> int:
         """Memory that the fields take [bytes]."""
         real = 8 if structure == "f64" else 4
-        points = rows["points"] * (20 * real + 44) + rows["nodes"] * (6 * real + 4)
+        points = rows["points"] * (23 * real + 44) + rows["nodes"] * (6 * real + 4)
         return points + rows["triangles"] * 28 + rows["fans"] * 8 + rows["edges"] * 36 + (
-            rows["pairs"] * (13 * real + 52) + rows["buckets"] * 12
+            rows["pairs"] * (17 * real + 52) + rows["buckets"] * 12
         )  # fmt: skip
 
     def destroy(self) -> None:
@@ -263,12 +273,17 @@ class Touch:
                 self.length[scene, k] = length[k]
 
     @ti.kernel
-    def write_places(self, first: int, places: A, velocities: A):
-        """Write places [m] and velocities [m/s] of an obstacle's points."""
+    def write_locals(self, first: int, places: A):
+        """Write places of obstacles' points in their own coordinates."""
         ti.loop_config(serialize=self.serial)
         for k in range(places.shape[0]):
             for d in ti.static(range(3)):
-                self.place[first + k][d] = places[k, d]
-                self.velocity[first + k][d] = velocities[k, d]
-                self.kicked[first + k][d] = velocities[k, d]
+                self.local[first + k][d] = places[k, d]
             self.held[first + k] = 7
+
+    @ti.kernel
+    def write_rows(self, first: int, rows: A):
+        """Write where obstacles' numbers are, one body after the other."""
+        ti.loop_config(serialize=self.serial)
+        for k in range(rows.shape[0]):
+            self.trait[first + k, ROW] = rows[k]

@@ -14,10 +14,12 @@ import taichi as ti
 
 from tisoft.model.threads import meet, share
 from tisoft.touch import fields as f
-from tisoft.touch.closest import between_edges, on_triangle
+from tisoft.touch.closest import between_edges, nearest_on_line, on_triangle
 
 AHEAD = 16.0
 """Substeps for which a search is to last."""
+BLUR = 0.02
+"""Of a core's radius, see `nearest_on_line`."""
 MOST_CELLS = 4096.0
 """Cells that a triangle or an edge may ask: at 8 times its size in all directions it has blown up,
 and nothing is listed; others watch over that."""
@@ -50,6 +52,8 @@ def measure(touch: ti.template(), q, t, threads):
         for p in range(touch.trait[b, f.FIRST], touch.trait[b, f.LAST]):
             x = spot(touch, p)
             lo, hi = ti.min(lo, x), ti.max(hi, x)
+        if touch.trait[b, f.ROUND]:
+            lo, hi = lo - touch.number[b, f.HALF], hi + touch.number[b, f.HALF]
         touch.low[b], touch.high[b] = lo, hi
     low, high = touch.order[q, f.POINT], touch.order[q, f.POINT_END]
     fast = ti.cast(0.0, touch.real)
@@ -218,6 +222,8 @@ def pair_faces(touch: ti.template(), q, i, at, n, begun, stop):
     for z in range(begin, end):
         p = touch.sorted[z]
         ok = is_there(touch.cell, p, at) and may_touch(touch, q, body, touch.body[p])
+        if touch.trait[touch.body[p], f.ROUND]:
+            ok = 0  # see pair_cores
         if ok and p != ids[0] and p != ids[1] and p != ids[2]:
             a, b, c = spot(touch, ids[0]), spot(touch, ids[1]), spot(touch, ids[2])
             x = spot(touch, p)
@@ -231,6 +237,33 @@ def pair_faces(touch: ti.template(), q, i, at, n, begun, stop):
                         n += 1
                     else:
                         touch.order[q, f.FULL] = 1
+    return n
+
+
+@ti.func
+def pair_cores(touch: ti.template(), q, i, n, begun, stop):
+    """List triangle i's pairs with cores of obstacles from row n on; returns the next row."""
+    ids = ti.Vector([touch.triangle[i, 0], touch.triangle[i, 1], touch.triangle[i, 2]])
+    a, b, c = spot(touch, ids[0]), spot(touch, ids[1]), spot(touch, ids[2])
+    body = touch.body[ids[0]]
+    reach = ti.cast(touch.length[q, f.REACH], touch.real)
+    lo, hi = ti.min(a, b, c) - reach, ti.max(a, b, c) + reach
+    for core in range(touch.order[q, f.CORES], touch.order[q, f.BODY_END]):
+        is_near = (lo <= touch.high[core]).all() and (hi >= touch.low[core]).all()
+        if is_near and touch.trait[core, f.NEAR] and may_touch(touch, q, body, core):
+            p, r = touch.trait[core, f.FIRST], touch.number[core, f.HALF]
+            x = spot(touch, p)
+            if touch.trait[core, f.LAST] > p + 1:
+                x = nearest_on_line(x, spot(touch, p + 1), a, b, c, BLUR * r)
+            w = on_triangle(x, a, b, c)
+            d = (x - w[0] * a - w[1] * b - w[2] * c).norm() - r
+            if d < reach:
+                if n < stop:
+                    ends = ti.Vector([p, ids[0], ids[1], ids[2]])
+                    keep(touch, n, begun, ends, ti.Vector([i, -1]), d)
+                    n += 1
+                else:
+                    touch.order[q, f.FULL] = 1
     return n
 
 
@@ -256,13 +289,15 @@ def pair_edges(touch: ti.template(), q, i, at, n, begun, stop):
 
 
 @ti.func
-def cells_of(lo, hi, per_cell):
-    """How many cells a box [m] covers along each axis, 0 where they are too many; the lowest."""
+def cells_of(lo, hi, per_cell, most):
+    """How many cells a box [m] covers along each axis, 0 where they are more than `most`; the
+    lowest.
+    """
     low, high = ti.floor(lo * per_cell), ti.floor(hi * per_cell)
     wide = high - low + 1.0
     size, cell = ti.Vector([0, 0, 0]), ti.Vector([0, 0, 0])
     # What is not finite compares with nothing.
-    if wide[0] * wide[1] * wide[2] <= MOST_CELLS and ti.abs(low).max() < 1e9:
+    if wide[0] * wide[1] * wide[2] <= most and ti.abs(low).max() < 1e9:
         size, cell = ti.cast(wide, ti.i32), ti.cast(low, ti.i32)
     return size, cell
 
@@ -285,7 +320,10 @@ def find(touch: ti.template(), q, t, threads, per_cell):
             else:
                 p, r = touch.edge[i, 0], touch.edge[i, 1]
             body = touch.body[p]
-            if touch.trait[body, f.NEAR]:
+            asks = touch.trait[body, f.NEAR]
+            if touch.trait[body, f.OBSTACLE] and (kind == 1 or touch.trait[body, f.BARE]):
+                asks = 0
+            if asks:
                 lo, hi = (
                     ti.min(spot(touch, p), spot(touch, r)),
                     ti.max(spot(touch, p), spot(touch, r)),
@@ -295,9 +333,14 @@ def find(touch: ti.template(), q, t, threads, per_cell):
                     lo, hi = ti.min(lo, b), ti.max(hi, b)
                 if is_crowded(touch, q, body, lo, hi):
                     begun = n
-                    size, low_cell = cells_of(lo - wider, hi + wider, per_cell)
+                    most = ti.cast(MOST_CELLS, touch.real)
+                    if touch.trait[body, f.OBSTACLE]:
+                        most *= MOST_CELLS
+                    size, low_cell = cells_of(lo - wider, hi + wider, per_cell, most)
                     if size[0] == 0:
                         touch.most[own, f.BLOWN] = 1.0
+                    if kind == 0 and touch.order[q, f.CORES] < touch.order[q, f.BODY_END]:
+                        n = pair_cores(touch, q, i, n, begun, stop)
                     for cell in range(size[0] * size[1] * size[2]):
                         x, y = cell % size[0], cell // size[0] % size[1]
                         at = low_cell + ti.Vector([x, y, cell // (size[0] * size[1])])

@@ -28,7 +28,7 @@ def check_apart(
     """Refuse solids that start deeper inside each other than contact can push out.
 
     Args:
-        names: of the bodies.
+        names: of the bodies, quoted, and of obstacles, obstacle[0].
         surfaces: theirs.
         places: world positions of their points [m], shape (points, 3) each.
         may: whether two of them may touch, shape (bodies, bodies).
@@ -47,13 +47,28 @@ def check_apart(
             if not inside.any():
                 continue
             depth = depth_inside(places[a], surfaces[a], places[b][inside])
-            if depth > DEPTH * surfaces[a].edge:
-                problem = (
-                    f"and {names[b]!r} start {depth:.3g} m inside each other, deeper than contact "
-                    f"can push apart ({DEPTH * surfaces[a].edge:.3g} m, half an edge); move one of "
-                    "them, or let them pass by [[no_contact]]"
-                )
-                raise FieldError("body", problem, names[a])
+            edge = surfaces[a].edge
+            if names[a].startswith("obstacle["):  # its faces may be of any size
+                edge = min(edge, surfaces[b].edge)
+            if depth > DEPTH * edge:
+                raise _refusal(names[a], names[b], depth, DEPTH * edge)
+
+
+def _refusal(a: str, b: str, depth: float, most: float) -> FieldError:
+    named = [name.strip("'\"") for name in (a, b)]
+    if any(name.startswith("obstacle[") for name in (a, b)):
+        body, obstacle = reversed(named) if a.startswith("obstacle[") else named
+        problem = (
+            f"starts {depth:.3g} m inside {obstacle}, deeper than contact can push out "
+            f"({most:.3g} m, half an edge); move one of them"
+        )
+        return FieldError("body", problem, body)
+    problem = (
+        f"and {b} start {depth:.3g} m inside each other, deeper than contact "
+        f"can push apart ({most:.3g} m, half an edge); move one of "
+        "them, or let them pass by [[no_contact]]"
+    )
+    return FieldError("body", problem, named[0])
 
 
 def depth_inside(x: Floats, surface: Surface, points: Floats) -> float:

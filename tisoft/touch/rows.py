@@ -17,8 +17,10 @@ farther than 1.2 t away.  A point behind a solid's face belongs to it while it i
 
 import taichi as ti
 
+from tisoft.obstacles.base import FLAT_LINE, POINT
 from tisoft.touch import fields as f
-from tisoft.touch.closest import between_lines, on_triangle
+from tisoft.touch.closest import between_lines, nearest_on_line, on_triangle
+from tisoft.touch.lists import BLUR
 
 PUSH = 0.2
 """Share of a penetration that a substep takes back."""
@@ -26,6 +28,8 @@ SEEN = 1.2
 """Thicknesses beyond which a side is believed."""
 CONE = 1e-4
 """Cosine by which a point may lie outside of a feature's normal cone."""
+EDGEWISE = 0.05
+"""Cosine below which two directions count as normal to each other."""
 
 
 @ti.func
@@ -97,28 +101,45 @@ def is_own(touch: ti.template(), i, w, d, normal, solid):
 def is_behind(touch: ti.template(), p, depth, normal, body):
     """Whether a point behind a solid's face by `depth` [m] is held to be in front of it."""
     ok = ti.i32(depth < touch.number[body, f.DEPTH])
-    if ok:
+    if ok and touch.trait[touch.body[p], f.SOLID]:
         ok = ti.i32(fan_normal(touch, p).dot(normal) <= 0.0)
     return ok
 
 
 @ti.func
 def thickness(touch: ti.template(), p, other):
-    """Distance [m] that the bodies of two points keep."""
-    return touch.number[touch.body[p], f.HALF] + touch.number[touch.body[other], f.HALF]
+    """Distance [m] that the bodies of two points keep; of a core from its middle."""
+    b, c = touch.body[p], touch.body[other]
+    return (
+        touch.number[b, f.HALF] * touch.number[c, f.SHARE]
+        + touch.number[c, f.HALF] * touch.number[b, f.SHARE]
+    )
 
 
 @ti.func
-def write_row(touch: ti.template(), z, w, n, distance, h):
+def roughness(touch: ti.template(), b, c):
+    """Coulomb's coefficient between two bodies: an obstacle's own, else the mean."""
+    mu = 0.5 * (touch.number[b, f.FRICTION] + touch.number[c, f.FRICTION])
+    if touch.trait[b, f.OBSTACLE]:
+        mu = touch.number[b, f.FRICTION]
+    elif touch.trait[c, f.OBSTACLE]:
+        mu = touch.number[c, f.FRICTION]
+    return mu
+
+
+@ti.func
+def write_row(touch: ti.template(), z, w, n, distance, drift, h):
     """Make a row of pair z where its gap would close within the substep; returns whether."""
-    rate = 0.0 * n
+    rate = drift
     for k in ti.static(range(4)):
         rate += w[k] * touch.kicked[touch.ends[z, k]]
     thick = thickness(touch, touch.ends[z, 0], touch.ends[z, 3])
     gap = distance - thick
     target = -gap / h
+    b, c = touch.body[touch.ends[z, 0]], touch.body[touch.ends[z, 3]]
     if gap < 0.0:
-        target = PUSH * ti.min(-gap, thick) / h
+        most = ti.min(touch.number[b, f.EASE], touch.number[c, f.EASE])
+        target = PUSH * ti.min(-gap, most) / h
     near = 0
     if rate.dot(n) < target:
         near = 1
@@ -127,8 +148,10 @@ def write_row(touch: ti.template(), z, w, n, distance, h):
         touch.normal[z], touch.target[z] = n, target
         touch.impulse[z] = 0.0
         touch.grip[z] = 0.0 * n
+        touch.drift[z], touch.rough[z] = drift, roughness(touch, b, c)
         for k in range(4):
-            touch.met[touch.ends[z, k]] = 1
+            p = touch.ends[z, k]
+            touch.met[p] = 1 - touch.trait[touch.body[p], f.OBSTACLE]
     return near
 
 
@@ -143,7 +166,9 @@ def seen_from(touch: ti.template(), p, body):
 
 @ti.func
 def face_row(touch: ti.template(), z):
-    """Weights, direction and distance [m] of a point and a triangle; whether they count."""
+    """Drift [m/s], weights, direction and distance [m] of a point and a triangle; whether they
+    count.
+    """
     p, i = touch.ends[z, 0], touch.item[z, 0]
     body = touch.body[touch.ends[z, 1]]
     a, b, c = (
@@ -152,6 +177,11 @@ def face_row(touch: ti.template(), z):
         touch.place[touch.ends[z, 3]],
     )
     x = seen_from(touch, p, body)
+    other = touch.body[p]
+    core = touch.trait[other, f.ROUND]
+    if core > POINT:
+        blur = BLUR * touch.number[other, f.HALF]
+        x = nearest_on_line(x, seen_from(touch, p + 1, body), a, b, c, blur)
     w = on_triangle(x, a, b, c)
     d = x - w[0] * a - w[1] * b - w[2] * c
     distance = d.norm()
@@ -161,7 +191,15 @@ def face_row(touch: ti.template(), z):
     far = SEEN * thickness(touch, p, touch.ends[z, 1])
     if solid == 0 and (touch.side[z] == 0 or distance > far):
         touch.side[z] = 1 if side >= 0.0 else -1
+    if solid == 0 and touch.trait[other, f.OBSTACLE] and core == 0:  # its corner looks at the sheet
+        out = fan_normal(touch, p)
+        if ti.abs(out.dot(n)) > EDGEWISE * out.norm():
+            touch.side[z] = 1 if out.dot(n) < 0.0 else -1
     ok = is_own(touch, i, w, d, n, solid)
+    if core == FLAT_LINE:
+        along = seen_from(touch, p + 1, body) - seen_from(touch, p, body)
+        if ti.abs(d.dot(along)) > EDGEWISE * distance * along.norm():
+            ok = 0
     if w[0] > 0.0 and w[1] > 0.0 and w[2] > 0.0:
         distance = side
         if solid == 0:
@@ -171,7 +209,11 @@ def face_row(touch: ti.template(), z):
             ok = is_behind(touch, p, -side, n, body)
     elif distance > 0.0:
         n = d / distance
-    return ti.Vector([1.0 + 0.0 * side, -w[0], -w[1], -w[2]]), n, distance, ok
+    drift = 0.0 * n
+    if core:
+        arm = x - n * touch.number[other, f.HALF] - seen_from(touch, p, body)
+        drift = touch.spin[other].cross(arm)
+    return drift, ti.Vector([1.0 + 0.0 * side, -w[0], -w[1], -w[2]]), n, distance, ok
 
 
 @ti.func
@@ -231,12 +273,13 @@ def find_rows(touch: ti.template(), q, t, moved, fastest, h):
             near = 0
             if touch.distance[z] < asleep:
                 w, normal, distance, ok = ti.Vector([h, h, h, h]), 0.0 * touch.place[0], h, 0
+                drift = 0.0 * normal
                 if kind == 0:
-                    w, normal, distance, ok = face_row(touch, z)
+                    drift, w, normal, distance, ok = face_row(touch, z)
                 else:
                     w, normal, distance, ok = edge_row(touch, z)
                 if ok:
-                    near = write_row(touch, z, w, normal, distance, h)
+                    near = write_row(touch, z, w, normal, distance, drift, h)
                 if near:
                     touch.active[begin + n] = z
                     n += 1

@@ -7,7 +7,7 @@ triangles).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,9 @@ THIN = 0.9
 the thickness of a slab is volume/area)."""
 DEPTH = 0.5
 """The same, in edges: deeper ones have no nearest face that neighbours agree on."""
+
+MOST_PIECES = 400
+"""Into which an obstacle's edge is cut."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +97,51 @@ def surface_of(triangles: NDArray[np.integer], rest: Floats, volume: float) -> S
         depth=min(DEPTH * edge, THIN * volume / area) if is_solid else 0.0,
         is_solid=is_solid,
     )
+
+
+def cut_edges(surface: Surface, x: Floats, most: float) -> tuple[Surface, Floats]:
+    """An obstacle's surface with its sharp edges that stand out cut into pieces of `most` [m] and
+    points between them; the others touch no face.
+
+    Args:
+        surface: as `surface_of` made it.
+        x: places of its points [m].
+        most: length of a piece [m].
+
+    Returns: the surface, whose triangles stay, and where each of its points lies between two of the
+    old ones: row, row, share of the second.
+    """
+    a, b = surface.edges.T
+    far, back = surface.sides.T
+    out = np.cross(x[b] - x[a], x[far] - x[a])
+    stands = (back < 0) | (np.einsum("ei,ei->e", out, x[back] - x[a]) < 0.0)
+    edges, sides = surface.edges[stands], surface.sides[stands]
+    length = np.linalg.norm(x[edges[:, 1]] - x[edges[:, 0]], axis=1)
+    pieces = np.clip(np.ceil(length / most).astype(int), 1, MOST_PIECES)
+    rows = np.column_stack([np.arange(len(x)), np.arange(len(x)), np.zeros(len(x))])
+    places, fans, cut, cut_sides = [rows], [], [], []
+    count = len(x)
+    for (i, j), (one, two), n in zip(edges, sides, pieces, strict=True):
+        between = count + np.arange(n - 1)
+        count += n - 1
+        share = np.arange(1, n) / n
+        places.append(np.column_stack([np.full(n - 1, i), np.full(n - 1, j), share]))
+        chain = np.concatenate([[i], between, [j]])
+        cut.append(np.stack([chain[:-1], chain[1:]], axis=1))
+        cut_sides.append(np.tile([one, two], (n, 1)))
+        fan = [[j, one]] if two < 0 else [[j, one], [two, j]]
+        fans += [fan] * (n - 1)
+    lengths = [len(fan) for fan in fans]
+    starts = np.concatenate([surface.fan_start, surface.fan_start[-1] + np.cumsum(lengths)])
+    return replace(
+        surface,
+        points=np.arange(count),
+        fan_start=starts.astype(np.int32),
+        fan=np.concatenate([surface.fan, *fans]).astype(np.int32),
+        edges=np.concatenate([np.empty((0, 2), int), *cut]).astype(np.int32),
+        sides=np.concatenate([np.empty((0, 2), int), *cut_sides]).astype(np.int32),
+        longest=max([0.0, *(length / pieces)]),
+    ), np.concatenate(places)
 
 
 def _across(edge: NDArray[np.int64], count: NDArray[np.int64], far: NDArray[np.int64]) -> Ints:

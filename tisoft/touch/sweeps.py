@@ -43,7 +43,7 @@ def weigh(touch: ti.template(), q, t, threads):
 def push(touch: ti.template(), z):
     """One sweep of row z; returns how far it was from its target [m/s]."""
     n = touch.normal[z]
-    rate, inverse = 0.0 * n, 0.0 * n[0]
+    rate, inverse = touch.drift[z], 0.0 * n[0]
     for k in range(4):
         p, w = touch.ends[z, k], touch.share[z, k]
         rate += w * touch.velocity[p]
@@ -54,8 +54,7 @@ def push(touch: ti.template(), z):
         short = touch.target[z] - along
         impulse = ti.max(touch.impulse[z] + short / inverse, 0.0 * short)
         touch.impulse[z] = impulse
-        a, d = touch.body[touch.ends[z, 0]], touch.body[touch.ends[z, 3]]
-        most = 0.5 * (touch.number[a, f.FRICTION] + touch.number[d, f.FRICTION]) * impulse
+        most = touch.rough[z] * impulse
         grip = touch.grip[z] - (rate - along * n) / inverse
         size = grip.norm()
         if size > most:

@@ -19,13 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft import runtime
+from tisoft.checks import FieldError
 from tisoft.model.arena import Lease
 from tisoft.model.part import Part
 from tisoft.model.state import TOUCH_SCENE
 from tisoft.model.system import System
+from tisoft.obstacles import Shell
 from tisoft.touch import fields as f
 from tisoft.touch.fields import Touch
 from tisoft.touch.overlap import check_apart
+from tisoft.touch.standing import SKIN, Standing, standings_of
 from tisoft.touch.surface import Surface, surface_of
 
 Floats = NDArray[np.float64]
@@ -35,6 +38,8 @@ MARGIN = (0.25, 1.0)
 THINNEST = 0.02
 """Of the median edge: less than what the sweeps leave over would let surfaces through."""
 TOLERANCE = 0.02
+FINER = 0.5
+"""Of that where there are obstacles: bodies keep less of a distance to those."""
 SELF_REACH = 0.65
 """Of an edge: a flat sheet has no candidate with itself within it."""
 PAIRS_A_POINT = 24
@@ -52,6 +57,8 @@ class Toucher:
     """[m]"""
     friction: float
     self_contact: bool
+    meets_others: bool
+    """Whether it touches other bodies; else obstacles alone."""
 
     @property
     def name(self) -> str:
@@ -60,15 +67,16 @@ class Toucher:
 
 
 def toucher_of(part: Part) -> Toucher | None:
-    """The body, or None where it has no surface or shall not touch."""
+    """The body, or None where it has no surface."""
     body = part.body
     triangles = part.rank[np.asarray(body.mesh.surface)]
-    if not body.contact or not len(triangles):
+    if not len(triangles):
         return None
     surface = surface_of(triangles, part.rest, float(part.volume.sum()))
     thickness = body.thickness or THICKNESS[surface.is_solid] * surface.edge
     thickness = max(thickness, THINNEST * surface.edge)
-    return Toucher(part, surface, thickness, body.friction, bool(body.self_contact))
+    own = bool(body.contact and body.self_contact)
+    return Toucher(part, surface, thickness, body.friction, own, body.contact)
 
 
 class Touching:
@@ -78,13 +86,19 @@ class Touching:
         system: the bodies in fields.
         touchers: those that may touch something.
         apart: pairs of names that do not touch each other.
+        standings: obstacles that faces may meet.
     """
 
     def __init__(
-        self, system: System, touchers: Sequence[Toucher], apart: Sequence[tuple[str, str]]
+        self,
+        system: System,
+        touchers: Sequence[Toucher],
+        apart: Sequence[tuple[str, str]],
+        standings: Sequence[Standing],
     ) -> None:
         self.system = system
         self.touchers = list(touchers)
+        self.standings = list(standings)
         self.lease = self._lend()
         self._write_points()
         self._write_bodies(apart)
@@ -102,10 +116,12 @@ class Touching:
         return self.lease.starts["scenes"]
 
     def _lend(self) -> Lease:
-        surfaces = [toucher.surface for toucher in self.touchers]
-        points = sum(len(s.points) for s in surfaces)
+        standing = [s.surface for s in self.standings if s.surface is not None]
+        surfaces = [toucher.surface for toucher in self.touchers] + standing
+        cores = sum(len(s.local) for s in self.standings if s.surface is None)
+        points = sum(len(s.points) for s in surfaces) + cores
         edges = sum(len(s.edges) for s in surfaces)
-        bodies = len(self.touchers)
+        bodies = len(self.touchers) + len(self.standings)
         self.buckets = 1 << max(4, int(np.ceil(np.log2(2 * max(points, edges)))))
         self.room = (PAIRS_A_POINT * points, PAIRS_A_POINT * edges)
         needs = {
@@ -126,92 +142,154 @@ class Touching:
 
     def _write_points(self) -> None:
         starts = self.lease.starts
-        rows = np.full(self.system.count, -1, np.int32)
-        first, fan, triangle, edge = (starts[k] for k in ("points", "fans", "triangles", "edges"))
-        bodies, fans, self.ranges = [], [], []
-        for number, toucher in enumerate(self.touchers):
+        self.rows = {name: starts[name] for name in ("points", "fans", "triangles", "edges")}
+        nodes = np.full(self.system.count, -1, np.int32)
+        self.ranges: list[tuple[int, int]] = []
+        fans = []
+        for toucher in self.touchers:
             s = toucher.surface
-            rows[toucher.part.start + s.points] = first + np.arange(len(s.points))
-            bodies.append(np.full(len(s.points), starts["bodies"] + number))
-            fans.append(s.fan_start[:-1] + fan)
-            self.fields.write_faces(
-                triangle, _ints(s.triangles + first), _ints(s.owned), _raised(s.across, first),
-                fan, _ints(s.fan + first),
-            )  # fmt: skip
-            self.fields.write_edges(edge, _ints(s.edges + first), _raised(s.sides, first))
-            self.ranges.append((first, first + len(s.points)))
-            first += len(s.points)
-            fan += len(s.fan)
-            triangle += len(s.triangles)
-            edge += len(s.edges)
-        self.ends = (first, triangle, edge)
-        fans.append(np.array([fan]))
+            nodes[toucher.part.start + s.points] = self.rows["points"] + np.arange(len(s.points))
+            fans.append(self._write_surface(s))
+        self.standing = self.rows["points"]
+        for standing in self.standings:
+            first = self.rows["points"]
+            if standing.surface is not None:
+                fans.append(self._write_surface(standing.surface))
+            else:
+                self.rows["points"] += len(standing.local)
+                self.ranges.append((first, self.rows["points"]))
+                fans.append(np.full(len(standing.local), self.rows["fans"]))
+        bodies = np.repeat(np.arange(len(self.ranges)), [b - a for a, b in self.ranges])
+        fans.append(np.array([self.rows["fans"]]))
         self.fields.write_points(
-            starts["points"], _ints(np.concatenate(bodies)), _ints(np.concatenate(fans)),
-            starts["nodes"], rows,
+            starts["points"], _ints(bodies + starts["bodies"]), _ints(np.concatenate(fans)),
+            starts["nodes"], nodes,
         )  # fmt: skip
+        if self.standings:
+            places = np.concatenate([standing.local for standing in self.standings])
+            self.fields.write_locals(self.standing, self._reals(places))
+
+    def _write_surface(self, s: Surface) -> NDArray[np.integer]:
+        """Write a surface into the next rows; returns where its points' fans begin."""
+        rows = self.rows
+        point, fan, triangle, edge = (rows[k] for k in ("points", "fans", "triangles", "edges"))
+        self.fields.write_faces(
+            triangle, _ints(s.triangles + point), _ints(s.owned), _raised(s.across, point),
+            fan, _ints(s.fan + point),
+        )  # fmt: skip
+        self.fields.write_edges(edge, _ints(s.edges + point), _raised(s.sides, point))
+        self.ranges.append((point, point + len(s.points)))
+        rows["points"] += len(s.points)
+        rows["fans"] += len(s.fan)
+        rows["triangles"] += len(s.triangles)
+        rows["edges"] += len(s.edges)
+        return s.fan_start[:-1] + fan
 
     def _write_bodies(self, apart: Sequence[tuple[str, str]]) -> None:
-        traits = np.zeros((len(self.touchers), 7), np.int32)
-        numbers = np.zeros((len(self.touchers), 4))
+        count = len(self.touchers)
+        traits = np.zeros((len(self.ranges), f.TRAITS), np.int32)
+        numbers = np.zeros((len(self.ranges), f.NUMBERS))
+        traits[:, f.FIRST : f.LAST + 1] = self.ranges
         for k, toucher in enumerate(self.touchers):
             traits[k, f.SOLID] = toucher.surface.is_solid
             traits[k, f.SELF] = toucher.self_contact
-            traits[k, f.FIRST : f.LAST + 1] = self.ranges[k]
             numbers[k, f.HALF] = 0.5 * toucher.thickness
             numbers[k, f.FRICTION] = toucher.friction
             numbers[k, f.DEPTH] = toucher.surface.depth
+            numbers[k, f.SHARE] = 1.0
+            numbers[k, f.EASE] = toucher.thickness
+        for k, standing in enumerate(self.standings, count):
+            traits[k, f.OBSTACLE] = 1
+            traits[k, f.ROUND] = standing.round
+            traits[k, f.BARE] = not standing.is_met_by_nodes
+            numbers[k, f.HALF] = standing.radius
+            numbers[k, f.FRICTION] = standing.obstacle.friction
+            numbers[k, f.EASE] = 1e30
+            if standing.surface is not None:
+                traits[k, f.SOLID] = 1
+                numbers[k, f.DEPTH] = standing.surface.depth
+                numbers[k, f.SHARE] = SKIN
+        self._may = self._who_may(apart)
+        self._check_apart()
+        starts = self.lease.starts
+        self.fields.write_bodies(
+            starts["bodies"], traits, self._reals(numbers), starts["couples"], self._may.ravel()
+        )
+
+    def _who_may(self, apart: Sequence[tuple[str, str]]) -> NDArray[np.int32]:
+        """Whether two of the bodies and obstacles may touch."""
         names = [toucher.name for toucher in self.touchers]
-        may = np.ones((len(names), len(names)), np.int32)
-        np.fill_diagonal(may, [toucher.self_contact for toucher in self.touchers])
+        meets = [toucher.meets_others for toucher in self.touchers]
+        may = np.zeros((len(self.ranges), len(self.ranges)), np.int32)
+        may[: len(names), : len(names)] = np.outer(meets, meets)
+        np.fill_diagonal(may[: len(names), : len(names)], [t.self_contact for t in self.touchers])
         for pair in apart:
             a, b = (names.index(name) if name in names else None for name in pair)
             if a is not None and b is not None:
                 may[a, b] = may[b, a] = 0
-        self._may = may
+        for k, standing in enumerate(self.standings, len(names)):
+            for i, toucher in enumerate(self.touchers):
+                # A carried surface meets what has a distance by itself.
+                may[i, k] = may[k, i] = standing.is_met_by_nodes or not toucher.part.touches
+        return may
+
+    def _check_apart(self) -> None:
+        """Refuse bodies that start deep inside each other or inside of closed triangles."""
+        solid = [s for s in self.standings if s.is_met_by_nodes and s.surface is not None]
+        names = [repr(toucher.name) for toucher in self.touchers]
+        own = [k for k, s in enumerate(self.standings, len(names)) if s in solid]
+        rows = [*range(len(names)), *own]
+        places = [t.part.rest[t.surface.points] + t.part.origin for t in self.touchers]
         check_apart(
-            names,
-            [toucher.surface for toucher in self.touchers],
-            [t.part.rest[t.surface.points] + t.part.origin for t in self.touchers],
-            may,
-        )
-        starts = self.lease.starts
-        self.fields.write_bodies(
-            starts["bodies"], traits, self._reals(numbers), starts["couples"], may.ravel()
+            [*names, *[f"obstacle[{s.number}]" for s in solid]],
+            [*[t.surface for t in self.touchers], *[s.surface for s in solid if s.surface]],
+            [*places, *[s.rest for s in solid]],
+            self._may[np.ix_(rows, rows)],
         )
 
     def _write_scene(self) -> None:
         starts, needs = self.lease.starts, self.lease.counts
-        order = np.zeros(25, np.int32)
-        order[f.POINT], order[f.POINT_END] = starts["points"], self.ends[0]
-        order[f.TRIANGLE], order[f.TRIANGLE_END] = starts["triangles"], self.ends[1]
-        order[f.EDGE], order[f.EDGE_END] = starts["edges"], self.ends[2]
+        order = np.zeros(f.ORDERS, np.int32)
+        order[f.POINT], order[f.POINT_END] = starts["points"], self.rows["points"]
+        order[f.TRIANGLE], order[f.TRIANGLE_END] = starts["triangles"], self.rows["triangles"]
+        order[f.EDGE], order[f.EDGE_END] = starts["edges"], self.rows["edges"]
         order[f.BODY], order[f.BODY_END] = starts["bodies"], starts["bodies"] + needs["bodies"]
         order[f.PAIR], order[f.FACE_ROOM], order[f.EDGE_ROOM] = starts["pairs"], *self.room
         order[f.BUCKET], order[f.MASK] = starts["buckets"], self.buckets - 1
         order[f.NODE], order[f.COUPLE] = starts["nodes"], starts["couples"]
         order[f.BOX], order[f.BOX_END] = starts["boxes"], starts["boxes"] + needs["boxes"]
         order[f.THREAD] = starts["threads"]
+        order[f.STANDING] = self.standing
+        cornered = [s for s in self.standings if s.surface is not None]
+        order[f.CORES] = starts["bodies"] + len(self.touchers) + len(cornered)
+        order[f.MOVING] = any(s.moves for s in self.standings)
+        self.fields.write_scene(self.scene, order, self._lengths(cornered))
+        self.system.state.ranges[self.system.scene, TOUCH_SCENE] = self.scene
+
+    def _lengths(self, cornered: Sequence[Standing]) -> Floats:
+        """`Touch.length` [m]."""
         length = np.zeros(8)
         edge = min(toucher.surface.edge for toucher in self.touchers)
         thick = [toucher.thickness for toucher in self.touchers]
+        surfaces = [toucher.surface for toucher in self.touchers]
+        surfaces += [s.surface for s in cornered if s.surface is not None]
         length[f.THICK] = max(thick)
-        length[f.LONGEST] = max(toucher.surface.longest for toucher in self.touchers)
-        length[f.TOLERANCE] = TOLERANCE * min(thick)
+        length[f.LONGEST] = max(surface.longest for surface in surfaces)
+        length[f.TOLERANCE] = TOLERANCE * min(thick) * (FINER if self.standings else 1.0)
         length[f.LEAST], length[f.MOST] = (share * edge for share in MARGIN)
         own = [t.surface.edge for t in self.touchers if t.self_contact]
         if own:
             most = max(SELF_REACH * min(own) - max(thick), 0.1 * edge)
             length[f.LEAST : f.MOST + 1] = np.minimum(length[f.LEAST : f.MOST + 1], most)
-        self.fields.write_scene(self.scene, order, length)
-        self.system.state.ranges[self.system.scene, TOUCH_SCENE] = self.scene
+        return length
 
-    def may_meet(self, world: Floats, reach: Floats) -> bool:
-        """Whether bodies, or a sheet and itself, may touch soon.
+    def may_meet(self, world: Floats, reach: Floats, times: Sequence[float]) -> bool:
+        """Whether bodies, a sheet and itself, or faces and obstacles may touch soon.
 
         Args:
             world: positions of all nodes [m], inside order.
             reach: how far each body of the scene may come meanwhile [m].
+            times: now and then [s].
         """
         if self._may.diagonal().any():
             return True
@@ -220,12 +298,30 @@ class Touching:
         low = np.array([world[part.nodes].min(axis=0) for part in parts]) - far
         high = np.array([world[part.nodes].max(axis=0) for part in parts]) + far
         meet = ((low[:, None] <= high) & (low <= high[:, None])).all(axis=2)
-        return bool((meet & (self._may != 0)).any())
+        count = len(parts)
+        if (meet & (self._may[:count, :count] != 0)).any():
+            return True
+        for k, standing in enumerate(self.standings, count):
+            lo, hi = standing.boxes(times)
+            near = ((low[:, None] <= hi) & (lo <= high[:, None])).all(axis=2).any(axis=1)
+            if (near & (self._may[:count, k] != 0)).any():
+                return True
+        return False
+
+    def end(self) -> None:
+        """Give its rows back: another one takes its place."""
+        self.lease.end()
 
     def place_origins(self) -> None:
         """Tell where bodies' origins are, from the middle of them all: after one has moved."""
         origins = np.array([toucher.part.origin for toucher in self.touchers])
-        self.fields.write_origins(self.lease.starts["bodies"], origins - origins.mean(axis=0))
+        middle, first = origins.mean(axis=0), self.system.parts[0]
+        origins = np.concatenate([origins, np.tile(first.origin, (len(self.standings), 1))])
+        self.fields.write_origins(self.lease.starts["bodies"], origins - middle)
+        if self.standings and self.system.obstacle_lease is not None:
+            # Seen from the first body, as their numbers in these rows are.
+            rows = [self.system.obstacle_row(first, s.number) for s in self.standings]
+            self.fields.write_rows(self.lease.starts["bodies"] + len(self.touchers), _ints(rows))
         self.forget()
 
     def forget(self) -> None:
@@ -256,13 +352,30 @@ def _raised(values: NDArray[np.int32], by: int) -> NDArray[np.int32]:
 
 
 def touching_of(scene: Any, system: System) -> Touching | None:
-    """What of a scene's bodies may touch; None where nothing can."""
-    if scene.integrator == "explicit-euler" or not runtime.on_cpu():
+    """What of a scene's bodies may touch, each other, themselves or obstacles; None where nothing
+    can but nodes and obstacles.
+    """
+    if not runtime.on_cpu():
+        for number, obstacle in enumerate(scene.obstacles):
+            if isinstance(obstacle, Shell):
+                problem = "is met on the processor only; take --arch cpu, or another shape"
+                raise FieldError(f"obstacle[{number}].file", problem)
         return None
+    if scene.integrator == "explicit-euler":
+        return None
+    stands = any(o.core() or o.corners(1.0) for o in scene.obstacles)
     bodies = [part.body for part in system.parts if part.body.contact]
-    if len(bodies) < 2 and not any(body.self_contact for body in bodies):
+    meets = len(bodies) > 1 or any(body.self_contact for body in bodies)
+    if not stands and not meets:
         return None
     found = [toucher for toucher in map(toucher_of, system.parts) if toucher is not None]
-    if len(found) < 2 and not any(toucher.self_contact for toucher in found):
-        return None
-    return Touching(system, found, [pair.bodies for pair in scene.no_contact])
+    standings = []
+    if found and stands:
+        edge = min(toucher.surface.edge for toucher in found)
+        longest = max(toucher.surface.longest for toucher in found)
+        standings = standings_of(scene.obstacles, edge, longest)
+    if not standings:
+        found = [toucher for toucher in found if toucher.meets_others]
+        if len(found) < 2 and not any(toucher.self_contact for toucher in found):
+            return None
+    return Touching(system, found, [pair.bodies for pair in scene.no_contact], standings)

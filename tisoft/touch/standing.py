@@ -1,0 +1,100 @@
+"""Obstacles as contact of surfaces sees them: bodies that no impulse moves.
+
+What is round is a core with a radius, what has corners its surface, with sharp edges cut to a share
+of the bodies' own, so that a face finds points and edges wherever it lies on them.  Spheres and
+capsules that are large against all faces have no core here: nodes see enough of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tisoft.geometry.surface import solid_moments
+from tisoft.moving import moves, pose
+from tisoft.obstacles import Shell
+from tisoft.touch.surface import Surface, cut_edges, surface_of
+
+Floats = NDArray[np.float64]
+
+SPACING = 0.25
+"""Of the least edge of all bodies: pieces of an obstacle's sharp edges."""
+FINE = 16.0
+"""Times the longest edge: a radius from which on nodes see enough (a face between nodes on a ball
+is edge²/6R deep in it)."""
+SKIN = 0.4
+"""Share of their distance to others that bodies keep from corners: a direction needs some."""
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """An obstacle, or a part of it."""
+
+    obstacle: Any
+    number: int
+    """In the scene."""
+    local: Floats
+    """Its points in its own coordinates, shape (points, 3)."""
+    rest: Floats
+    """Their places at t = 0 [m]."""
+    surface: Surface | None
+    """None for a core."""
+    round: int = 0
+    """Kind of its core."""
+    radius: float = 0.0
+
+    @property
+    def moves(self) -> bool:
+        """Whether it does."""
+        return moves(self.obstacle)
+
+    @property
+    def is_met_by_nodes(self) -> bool:
+        """Whether bodies' points meet its triangles; else its distance."""
+        return isinstance(self.obstacle, Shell)
+
+    def boxes(self, times: Sequence[float]) -> tuple[Floats, Floats]:
+        """Lowest and highest corners [m] of what faces may meet between some times [s]: of its
+        edges, of its triangles where nodes meet those, or of its core.
+        """
+        R, d = pose(self.obstacle, times)
+        x = self.rest @ R.transpose(0, 2, 1) + d[:, None]
+        if self.surface is None:
+            low, high = x.min(axis=(0, 1)), x.max(axis=(0, 1))
+            return low[None] - self.radius, high[None] + self.radius
+        rows = self.surface.triangles if self.is_met_by_nodes else self.surface.edges
+        return x[:, rows].min(axis=(0, 2)), x[:, rows].max(axis=(0, 2))
+
+
+def standings_of(obstacles: Sequence[Any], edge: float, longest: float) -> list[Standing]:
+    """What faces of bodies may meet, those with corners first.
+
+    Args:
+        obstacles: the scene's.
+        edge: least of the bodies' median edges [m].
+        longest: of their edges [m].
+    """
+    cornered, cores = [], []
+    for number, obstacle in enumerate(obstacles):
+        corners, core = obstacle.corners(edge), obstacle.core()
+        if corners is not None:
+            cornered.append(_cornered(obstacle, number, corners, SPACING * edge))
+        if core is not None and core.radius < FINE * longest:
+            own = (core.local, core.rest, None, core.kind, core.radius)
+            cores.append(Standing(obstacle, number, *own))
+    return cornered + cores
+
+
+def _cornered(obstacle: Any, number: int, corners: Any, most: float) -> Standing:
+    volume = solid_moments(corners.rest, corners.triangles)[0]
+    surface = surface_of(corners.triangles, corners.rest, volume)
+    x = corners.rest[surface.points]
+    surface, rows = cut_edges(surface, x, most)
+    i, j, share = rows[:, 0].astype(int), rows[:, 1].astype(int), rows[:, 2:]
+    local = corners.local[np.unique(corners.triangles)]
+    local, x = ((1.0 - share) * values[i] + share * values[j] for values in (local, x))
+    return Standing(obstacle, number, local, x, surface)
