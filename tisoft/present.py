@@ -29,7 +29,7 @@ from tisoft.step.observe import energy_table
 from tisoft.step.pins import Holder
 from tisoft.step.schedule import Acting, Schedule, obstacle_signal
 from tisoft.step.stepper import Rules, Stepper
-from tisoft.touch.touching import touching_of
+from tisoft.touch.touching import stands, touching_of
 
 Floats = NDArray[np.float64]
 
@@ -198,9 +198,11 @@ class Present:
         if self.touching is not None:
             self.touching.place_origins()
 
-    def _meet_anew(self) -> None:
-        """Take other obstacles: what faces may meet of them."""
-        old, self.touching = self.touching, touching_of(self.scene, self.system)
+    def _meet_anew(self, obstacles: list[Any]) -> None:
+        """Take other obstacles: what faces may meet of them, or of those before."""
+        if not any(stands(obstacle) for obstacle in obstacles):
+            return
+        old, self.touching = self.touching, touching_of(self.scene, self.system, fresh=False)
         if old is not None:
             old.end()
         if self.touching is None:
@@ -269,7 +271,7 @@ class Present:
         known, asked = self._obstacles, tuple(self.scene.obstacles)
         if len(known) != len(asked) or any(a is not b for a, b in zip(known, asked, strict=True)):
             self._obstacles = asked
-            self._meet_anew()
+            self._meet_anew([*known, *asked])
             if not _go_on(known, asked, self.time):
                 self._push_out()
                 others = True

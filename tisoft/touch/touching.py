@@ -26,8 +26,8 @@ from tisoft.model.state import TOUCH_SCENE
 from tisoft.model.system import System
 from tisoft.obstacles import Shell
 from tisoft.touch import fields as f
+from tisoft.touch import overlap
 from tisoft.touch.fields import Touch
-from tisoft.touch.overlap import check_apart
 from tisoft.touch.standing import SKIN, Standing, standings_of
 from tisoft.touch.surface import Surface, surface_of
 
@@ -210,7 +210,6 @@ class Touching:
                 numbers[k, f.DEPTH] = standing.surface.depth
                 numbers[k, f.SHARE] = SKIN
         self._may = self._who_may(apart)
-        self._check_apart()
         starts = self.lease.starts
         self.fields.write_bodies(
             starts["bodies"], traits, self._reals(numbers), starts["couples"], self._may.ravel()
@@ -233,14 +232,14 @@ class Touching:
                 may[i, k] = may[k, i] = standing.is_met_by_nodes or not toucher.part.touches
         return may
 
-    def _check_apart(self) -> None:
+    def check_apart(self) -> None:
         """Refuse bodies that start deep inside each other or inside of closed triangles."""
         solid = [s for s in self.standings if s.is_met_by_nodes and s.surface is not None]
         names = [repr(toucher.name) for toucher in self.touchers]
         own = [k for k, s in enumerate(self.standings, len(names)) if s in solid]
         rows = [*range(len(names)), *own]
         places = [t.part.rest[t.surface.points] + t.part.origin for t in self.touchers]
-        check_apart(
+        overlap.check_apart(
             [*names, *[f"obstacle[{s.number}]" for s in solid]],
             [*[t.surface for t in self.touchers], *[s.surface for s in solid if s.surface]],
             [*places, *[s.rest for s in solid]],
@@ -351,9 +350,21 @@ def _raised(values: NDArray[np.int32], by: int) -> NDArray[np.int32]:
     return _ints(np.where(values >= 0, values + by, -1))
 
 
-def touching_of(scene: Any, system: System) -> Touching | None:
+def stands(obstacle: Any) -> bool:
+    """Whether faces may meet it, not nodes alone."""
+    return obstacle.core() is not None or obstacle.corners(1.0) is not None
+
+
+def touching_of(scene: Any, system: System, *, fresh: bool = True) -> Touching | None:
     """What of a scene's bodies may touch, each other, themselves or obstacles; None where nothing
     can but nodes and obstacles.
+
+    Args:
+        scene, system: its bodies.
+        fresh: whether they are where they start, and must not be inside each other there.
+
+    Raises:
+        FieldError: what cannot be met here, or starts too deep inside another one.
     """
     if not runtime.on_cpu():
         for number, obstacle in enumerate(scene.obstacles):
@@ -363,14 +374,14 @@ def touching_of(scene: Any, system: System) -> Touching | None:
         return None
     if scene.integrator == "explicit-euler":
         return None
-    stands = any(o.core() or o.corners(1.0) for o in scene.obstacles)
+    solid = any(stands(obstacle) for obstacle in scene.obstacles)
     bodies = [part.body for part in system.parts if part.body.contact]
     meets = len(bodies) > 1 or any(body.self_contact for body in bodies)
-    if not stands and not meets:
+    if not solid and not meets:
         return None
     found = [toucher for toucher in map(toucher_of, system.parts) if toucher is not None]
     standings = []
-    if found and stands:
+    if found and solid:
         edge = min(toucher.surface.edge for toucher in found)
         longest = max(toucher.surface.longest for toucher in found)
         standings = standings_of(scene.obstacles, edge, longest)
@@ -378,4 +389,7 @@ def touching_of(scene: Any, system: System) -> Touching | None:
         found = [toucher for toucher in found if toucher.meets_others]
         if len(found) < 2 and not any(toucher.self_contact for toucher in found):
             return None
-    return Touching(system, found, [pair.bodies for pair in scene.no_contact], standings)
+    touching = Touching(system, found, [pair.bodies for pair in scene.no_contact], standings)
+    if fresh:
+        touching.check_apart()
+    return touching
