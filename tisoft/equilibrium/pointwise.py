@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from tisoft import runtime
+from tisoft.elements.quadratic import Quadratic
 from tisoft.elements.tet4 import Tet4
-from tisoft.elements.tet10 import Quadratic
 from tisoft.equilibrium import assembly
 from tisoft.equilibrium.at_points import law_kernel
 from tisoft.model.part import Part

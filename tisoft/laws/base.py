@@ -18,7 +18,7 @@ A law is a class without state (see `st_venant` for a short one):
 | `viscosity`           | the viscous stress that goes with it (`viscous`)                        |
 | `is_finite`           | whether it holds for large rotations (its strain is Green's)            |
 | `stands_compression`  | optional, True where it keeps its stiffness however flat it is pressed: |
-|                       | hexahedra then keep theirs (`elements.hex8`)                            |
+|                       | hexahedra then keep theirs (`elements.pull_back`)                       |
 """
 
 import taichi as ti
