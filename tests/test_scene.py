@@ -225,7 +225,7 @@ def test_load_factors_follow_start_end_ramp_and_table():
         (lambda: Plane(friction=-0.1), "friction = -0.1 must be at least 0"),
         (lambda: Sphere((0, 0, 0), 0), "radius = 0 must be above 0 m"),
         (lambda: Box((0, 0, 0), (1, 1, -1)), r"size\[2\] = -1 must be above 0 m"),
-        (lambda: Camera(fov=300), "fov = 300 must be at least 1 and at most 170 degrees"),
+        (lambda: Camera(fov=300), "fov = 300 must be at least 1 and at most 150 degrees"),
         (lambda: Camera(eye=(1, 0, 0), target=(1, 0, 0)), "target = .* is where the eye is"),
         (lambda: Render(size=(0, 720)), r"size\[0\] = 0 must be at least 16"),
         (lambda: Render(color="stres"), 'color = "stres" is not known; did you mean stress'),
@@ -349,10 +349,9 @@ def test_validate_sees_what_was_changed_since():
     with pytest.raises(FieldError, match=r"body\[0\].pin\[1\].where.nodes\[0\] = 99 is no node"):
         scene.validate()
     beam.pins.pop()
-    beam.model = "rubber"
-    with pytest.raises(FieldError, match=r'body\[0\].model = "rubber" must be a model'):
-        scene.validate()
-    beam.model = RUBBER
+    with pytest.raises(FieldError, match='model = "rubber" must be a model'):
+        beam.model = "rubber"
+    assert beam.model is RUBBER
     scene.bodies.append(dataclasses.replace(beam))
     with pytest.raises(FieldError, match=r'body\[1\].name = "beam" is the name of body\[0\] too'):
         scene.validate()
@@ -361,5 +360,5 @@ def test_validate_sees_what_was_changed_since():
 def test_a_scene_without_bodies_is_refused_before_it_runs():
     with pytest.raises(FieldError, match="body is missing"):
         Scene().validate()
-    with pytest.raises(FieldError, match="obstacle = 3 must be a Plane, Sphere, Box, Capsule"):
+    with pytest.raises(FieldError, match=r"obstacle\[0\] = 3 must be a Plane, Sphere, Box,"):
         Scene().add_obstacle(3)

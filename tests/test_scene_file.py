@@ -643,7 +643,7 @@ def test_overrides_replace_and_create_keys(load):
         ("body..young=3", "it must be KEY=VALUE"),
         ("body[0=3", "it must be KEY=VALUE"),
         ("body.0.density=1\nfoo=3", 'body[0].density = "1\\nfoo=3" must be a number'),
-        ("gravity=[0, 0", 'gravity = "[0, 0" must be a list of numbers (x, y, z), not text'),
+        ("gravity=[0, 0", 'gravity = "[0, 0" must be a list of numbers (x, y, z), or rows (t'),
         ("body.0.young=" + "[" * 5000, "must be a number in Pa, not text"),
         ("body=3", "body = 3 must be a list of tables"),
         ("a" + ".a" * 3000 + "=1", "a = { a = { a = { a = … } } } is not a key"),

@@ -98,7 +98,7 @@ def measure(
     step = 0.5 * sim.limit.bound()
 
     def substeps(count: int) -> int:
-        sim.stepper.advance(count, step, scene.gravity)
+        sim.stepper.advance(count, step, sim.gravity_now)
         return count
 
     made = [0, 0]

@@ -3,21 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, TypedDict, Unpack
+from typing import Any, ClassVar, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tisoft import checks
-from tisoft.checks import FieldError, Vector, inside, keep_number
+from tisoft import checks, live
+from tisoft.checks import FieldError, Vector, inside
 from tisoft.geometry.cage.carried import Carried
 from tisoft.geometry.mesh import Mesh, SolidMesh, SpringNet, TetMesh, present_numbers
 from tisoft.geometry.skin import Skin
+from tisoft.live import Items, Live
 from tisoft.loads import Load, Torque
 from tisoft.models.materials import MassSpring, Model, SolidModel
 from tisoft.pins import Pin, Turn
 from tisoft.region_material import RegionMaterial, materials_of
-from tisoft.where import InSet, Nearest, NodeNumbers, Nodes, Selection, rows_in
+from tisoft.where import (
+    InSet,
+    Nearest,
+    NodeNumbers,
+    Nodes,
+    Selection,
+    check_selection,
+    rows_in,
+)
 
 
 class Push(TypedDict, total=False):
@@ -29,8 +38,26 @@ class Push(TypedDict, total=False):
     torque: Torque
 
 
+class Pins(Items[Pin]):
+    """Of a body."""
+
+    kinds, words, field = (Pin,), "a Pin", "pin"
+
+
+class Loads(Items[Load]):
+    """Of a body."""
+
+    kinds, words, field = (Load,), "a Load", "load"
+
+
+class Regions(Items[RegionMaterial]):
+    """Of a body."""
+
+    kinds, words, field = (RegionMaterial,), "a RegionMaterial", "region"
+
+
 @dataclass(eq=False)
-class Body:
+class Body(Live):
     """A soft body: a mesh, what it is made of, how it starts, and its pins and loads.
 
     Args:
@@ -52,9 +79,9 @@ class Body:
     model: Model
     velocity: Vector = (0.0, 0.0, 0.0)
     spin: Vector = (0.0, 0.0, 0.0)
-    pins: list[Pin] = field(default_factory=list)
-    loads: list[Load] = field(default_factory=list)
-    regions: list[RegionMaterial] = field(default_factory=list)
+    pins: list[Pin] = field(default_factory=Pins)
+    loads: list[Load] = field(default_factory=Loads)
+    regions: list[RegionMaterial] = field(default_factory=Regions)
     """Materials of their own in regions of the mesh."""
     skin: Skin | None = None
     contact: bool = True
@@ -65,6 +92,27 @@ class Body:
     """Distance [m] that surfaces keep; None: a small share of its edges."""
     friction: float = 0.3
     """Coulomb's coefficient; of two bodies the mean counts."""
+
+    _checks: ClassVar = {
+        "name": checks.name,
+        "mesh": live.a(
+            (TetMesh, SolidMesh, SpringNet), "a mesh, as of tisoft.box or tisoft.read_mesh"
+        ),
+        "model": live.a(
+            (SolidModel, MassSpring),
+            "a model with its parameters, as ViscoElastic(1e6, 0.3, 1000.0)",
+        ),
+        "velocity": live.vector(unit="m/s"),
+        "spin": live.vector(unit="rad/s"),
+        "pins": Pins.of,
+        "loads": Loads.of,
+        "regions": Regions.of,
+        "skin": live.perhaps(live.a(Skin, "a skin, as of tisoft.skin or tisoft.read_skin")),
+        "contact": checks.flag,
+        "self_contact": checks.flag,
+        "thickness": live.perhaps(live.number(above=0.0, unit="m")),
+        "friction": live.number(least=0.0),
+    }
 
     def __post_init__(self) -> None:
         cage = getattr(self.mesh, "cage", None)
@@ -139,6 +187,7 @@ class Body:
         Raises:
             FieldError: where it picks none, or names a node that the mesh has not.
         """
+        check_selection(where)
         with inside("where"):
             picked = self._picked(where)
         if len(picked) == 0:
@@ -178,6 +227,7 @@ class Body:
         """Rows of `mesh.surface` (of a cage: of its skin) all of whose nodes are selected, or a
         set's own faces.
         """
+        check_selection(where)
         if isinstance(where, InSet):
             with inside("where"):
                 own = where.faces_in(self.mesh)
@@ -210,14 +260,6 @@ class Body:
 
     def validate(self) -> None:
         """Check everything about this body; raises FieldError, the field relative to the body."""
-        checks.name("name", self.name)
-        if not isinstance(self.mesh, (TetMesh, SolidMesh, SpringNet)):
-            raise FieldError("mesh", "must be a mesh, as of tisoft.box or tisoft.read_mesh")
-        if not isinstance(self.model, (SolidModel, MassSpring)):
-            problem = "must be a model with its parameters, as ViscoElastic(1e6, 0.3, 1000.0)"
-            raise FieldError("model", problem, self.model)
-        self.velocity = checks.vector("velocity", self.velocity, unit="m/s")
-        self.spin = checks.vector("spin", self.spin, unit="rad/s")
         if isinstance(self.model, MassSpring):
             self._check_springs(self.model)
         elif self.mesh.elements == 0:
@@ -233,22 +275,16 @@ class Body:
             )
             raise FieldError("mass", problem, "consistent")
         self.materials()
-        self._check_contact()
-        if self.skin is not None and not isinstance(self.skin, Skin):
-            raise FieldError("skin", "must be a skin, as of tisoft.skin or tisoft.read_skin")
         if self.skin is not None and self.skin.corners.max() >= len(self.mesh.points):
             raise FieldError("skin", f"is carried by another mesh than that of {self.name!r}")
+        self.check_held_and_pushed()
+
+    def check_held_and_pushed(self) -> None:
+        """Check that pins and loads find what they hold and push; raises FieldError."""
         self._check_pins(self.pins)
         for i, load in enumerate(self.loads):
             with inside(f"load[{i}]"):
                 self._check_load(load)
-
-    def _check_contact(self) -> None:
-        checks.flag("contact", self.contact)
-        checks.flag("self_contact", self.self_contact)
-        if self.thickness is not None:
-            keep_number(self, "thickness", above=0.0, unit="m")
-        keep_number(self, "friction", least=0.0)
 
     def _check_springs(self, model: MassSpring) -> None:
         springs = self.springs()

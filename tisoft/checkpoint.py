@@ -47,7 +47,8 @@ _CLASSES: dict[str, Any] = {
             scene.Scene, Body, RegionMaterial, TetMesh, SolidMesh, SpringNet, groups.Region,
             groups.NodeSet, Skin, Cage, Lattice, pins.Pin, pins.Turn, loads.Load, loads.Torque,
             *OBSTACLES.values(), scene_parts.Probe,
-            scene_parts.Camera, scene_parts.Render, *materials.MODELS.values(),
+            scene_parts.NoContact, scene_parts.Camera, scene_parts.Render,
+            *materials.MODELS.values(),
         ),
         "where": (
             where.Box, where.HalfSpace, where.Nodes, where.Nearest, where.Everything,

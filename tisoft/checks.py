@@ -10,10 +10,12 @@ import difflib
 import itertools
 import json
 import math
+import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from numbers import Integral, Real
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -83,10 +85,14 @@ def shown(value: Any, depth: int = 3) -> str:
             texts = [shown(part, depth - 1) for part in parts]
         text = ", ".join(texts + ["…"] * (len(value) > len(parts)))
         return f"{{ {text} }}" if isinstance(value, dict) else f"[{text}]"
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
     try:
         text = str(value)
     except ValueError:  # an integer of more digits than Python cares to print
         return "a number of thousands of digits"
+    if re.search(" at 0x|<", text):  # what Python shows by its kind and address
+        return f"a {type(value).__name__}"
     return " ".join((text if len(text) <= 100 else text[:97] + "…").split())
 
 
@@ -163,7 +169,7 @@ def _kind(value: Any) -> str:
         return "text"
     if isinstance(value, dict):
         return "a table"
-    if isinstance(value, (list, tuple, np.ndarray)):
+    if isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.ndim):
         return "a list"
     if value is None:
         return "nothing"
@@ -208,7 +214,9 @@ def name(field: str, value: Any) -> str:
 
 def sequence(field: str, value: Any, what: str) -> Sequence[Any]:
     """The value as a sequence; `what` says of what, for the message."""
-    if isinstance(value, (str, bytes, dict)) or not isinstance(value, (Sequence, np.ndarray)):
+    is_array = isinstance(value, np.ndarray) and value.ndim > 0
+    is_words = isinstance(value, (str, bytes, bytearray, memoryview))
+    if is_words or not (is_array or isinstance(value, Sequence)):
         raise FieldError(field, f"must be a list of {what}, not {_kind(value)}", value)
     return value if isinstance(value, Sequence) else value.tolist()
 
@@ -281,6 +289,42 @@ def array(field: str, value: Any, check: Callable[[str, Any], float]) -> NDArray
     """The value as an array (n,) of numbers, each of which passes `check`."""
     items = sequence(field, value, "numbers")
     return np.array([check(f"{field}[{i}]", item) for i, item in enumerate(items)], dtype=float)
+
+
+def floats(field: str, value: Any, shape: tuple[Any, ...], what: str) -> NDArray[np.float64]:
+    """The value as an array of finite real numbers of a shape: −1 in it stands for any length, … at
+    its end for any further ones; `what` says of what, for the message.
+    """
+    try:
+        found = np.asarray(value)
+    except (ValueError, TypeError):  # rows of different lengths
+        found = np.empty(0, object)
+    wanted = "(" + ", ".join({-1: "n", ...: "…"}.get(a, str(a)) for a in shape) + ")"
+    if found.dtype.kind not in "iuf" and found.size:
+        kind = f"numbers of type {found.dtype}" if found.dtype.kind in "cb" else "rows of any kind"
+        raise FieldError(field, f"must be {what}, an array of shape {wanted}, not {kind}")
+    leading = shape[:-1] if ... in shape else shape
+    fits = found.ndim == len(shape) if leading is shape else found.ndim >= len(leading)
+    fits = fits and all(b in (a, -1) for a, b in zip(found.shape, leading, strict=False))
+    if not fits:
+        problem = f"must be {what}, an array of shape {wanted}, not of shape {found.shape}"
+        raise FieldError(field, problem)
+    numbers = found.astype(np.float64)
+    wrong = np.argwhere(~(np.abs(numbers) <= LARGEST))
+    if len(wrong):
+        place = "".join(f"[{k}]" for k in wrong[0])
+        problem = f"must be a number that is finite and at most {LARGEST:g} in size"
+        raise FieldError(field + place, problem, float(numbers[tuple(wrong[0])]))
+    return numbers
+
+
+def path(field: str, value: Any, what: str = "a file") -> Path:
+    """The value as the path of a file or a folder."""
+    if not isinstance(value, (str, os.PathLike)) or not isinstance(os.fspath(value), str):
+        raise FieldError(field, f"must be the name of {what}, not {_kind(value)}", value)
+    if "\0" in os.fspath(value) or not os.fspath(value):
+        raise FieldError(field, f"must be the name of {what}", os.fspath(value))
+    return Path(value)
 
 
 def put(part: Any, field: str, value: Any) -> None:

@@ -8,9 +8,11 @@ import numpy as np
 
 from tisoft import checks
 from tisoft.checks import FieldError, Vector, keep_number, put
+from tisoft.live import frozen
 from tisoft.where import Selection, check_selection
 
 
+@frozen
 @dataclass(frozen=True)
 class Torque:
     """A `moment` [N·m] about the axis through `point` [m] along `axis`.  Raises SceneError for an
@@ -27,6 +29,7 @@ class Torque:
         keep_number(self, "moment", unit="N·m")
 
 
+@frozen
 @dataclass(frozen=True)
 class Load:
     """A load on the nodes, or on the faces all of whose nodes are selected.

@@ -17,9 +17,12 @@ from numpy.typing import NDArray
 from tisoft import runtime
 from tisoft.body import Body
 from tisoft.checks import FieldError
+from tisoft.gaps import faces_meet, radius_of
+from tisoft.gravity import strongest
 from tisoft.model import state as columns
 from tisoft.model.part import Part
 from tisoft.present import Present
+from tisoft.rows_in_time import coarse_rows
 from tisoft.scene import Scene
 from tisoft.stable.guard import Guard
 from tisoft.step.account import RUNNING
@@ -43,6 +46,7 @@ class Motion(Present):
         super().__init__(scene, certify=certify, **options)
         self.look = max(LOOK, LOOK_WORK // max(1, self.system.elements))
         self.guard = Guard(self) if certify else None
+        self._allowed_step = scene.step
 
     def refresh(self) -> None:
         """Take over what the caller changed since the last frame."""
@@ -51,7 +55,7 @@ class Motion(Present):
 
     def part(self, body: Body) -> Part:
         """A body's share of the arrays; raises SceneError for a body of another scene."""
-        for part, own in zip(self.parts, self.scene.bodies, strict=True):
+        for part, own in zip(self.parts, self.scene.bodies, strict=False):
             if body is own or body is part.body:  # the latter has its damping ratio turned
                 return part
         raise FieldError("body", "is not in this simulation's scene", getattr(body, "name", body))
@@ -73,7 +77,7 @@ class Motion(Present):
             SceneError: a body of another scene, nodes or weights that do not fit, a fifth hand.
         """
         part = self.part(body)
-        weight = part.mass.sum() * max(float(np.linalg.norm(self.scene.gravity)), 1.0)
+        weight = part.mass.sum() * max(float(np.linalg.norm(self.gravity_now)), 1.0)
         return self.hands.take(part, nodes, weights, point, float(weight))
 
     # -- steps ---------------------------------------------------------------------------------
@@ -97,13 +101,16 @@ class Motion(Present):
         return count, frame_time / count
 
     def _refuse_long(self, step: float) -> None:
-        limit = self.limit.sharp() if self.frame == 0 else np.inf
+        if self.frame and step == self._allowed_step:
+            return
+        limit = self.limit.sharp()
         if step > limit:
             problem = (
                 f"s is above the stable limit {limit:.6g} s, so the bodies would explode; "
                 'give a smaller step, or step = "auto"'
             )
             raise FieldError("step", problem, step)
+        self._allowed_step = step
 
     def is_look_due(self, substeps: int) -> bool:
         """Whether the limit is to be looked at after so many substeps more: pins that move may
@@ -113,7 +120,7 @@ class Motion(Present):
 
     def _is_changing(self) -> bool:
         """Whether what acts on the bodies is another thing from frame to frame, or a hand pulls."""
-        moved = self.holder.is_moving or self.loading.changes or self.moves_obstacles
+        moved = self.holder.is_moving or self.loading.changes or self.moves_obstacles or self.shakes
         return moved or self.is_pushing or bool(self.hands.held)
 
     def _looked(self, substeps: int) -> None:
@@ -125,9 +132,24 @@ class Motion(Present):
             self.since_look = 0
             self.limit.moved()
             self.watch.look(self.time)
+            self._look_inside()
             self._recenter()
             self._stop_pushing()
             self.look_for_contact()
+
+    def _look_inside(self) -> None:
+        """See how deep surfaces are in obstacles, where those fit between nodes."""
+        obstacles = self._obstacles
+        if self.is_pushing or not any(radius_of(obstacle) for obstacle in obstacles):
+            return
+        rule = self.scene.integrator
+        parts = [p for p in self.parts if not (self.touching and faces_meet(p.body, rule))]
+        if parts:
+            self.watch.inside.look(parts, obstacles, self.time, self.system.world())
+
+    def coarse_times(self) -> list[str]:
+        """Sentences about rows in time that are finer than the substeps of the first frame."""
+        return list(coarse_rows(self.scene, self.steps[0])) if self.steps else []
 
     def make_frame(self) -> None:
         """Advance one frame.
@@ -172,6 +194,7 @@ class Motion(Present):
             u, v = self.system.motion()
             self.system.set_motion(u, v - 0.5 * step * self.acceleration())
             self.half_step_lag = step
+        self.shake(end)
         begun = _stepping_clock()
         if self.guard is None:
             self.stretches(1, count, step, math.inf)
@@ -257,12 +280,12 @@ class Motion(Present):
             kick=0.5 * (before + step),
         )
         return self.stepper.stretches(
-            count, substeps, step, self.scene.gravity, most_kinetic=most_kinetic, before=before
+            count, substeps, step, self.gravity_now, most_kinetic=most_kinetic, before=before
         )
 
     def substep(self, count: int, step: float) -> None:
         """`count` bare substeps of `step` [s], which nothing watches."""
-        self.stepper.advance(count, step, self.scene.gravity)
+        self.stepper.advance(count, step, self.gravity_now)
         self.limit.moved()
 
     def _recenter(self) -> None:
@@ -273,7 +296,7 @@ class Motion(Present):
         u, v = self.system.motion()
         self.next_look = AGAIN
         step = self.steps[-1]
-        gravity = float(np.linalg.norm(self.scene.gravity))
+        gravity = strongest(self.scene.gravity)
         for part in self.system.parts:
             here = u[part.nodes]
             way = here.mean(axis=0, dtype=np.float64).astype(u.dtype)

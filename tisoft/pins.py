@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from tisoft import checks
 from tisoft.checks import FieldError, Vector, keep_number, put
+from tisoft.live import frozen
 from tisoft.turning import Turn
 from tisoft.where import Selection, check_selection
 
 Points = NDArray[np.float64]
 
 
+@frozen
 @dataclass(frozen=True)
 class Pin:
     """Nodes held where they are at rest, or moved.

@@ -10,10 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft import runtime
+from tisoft.checks import inside
 from tisoft.depth import depth_inside
 from tisoft.equilibrium.damping import damped_body
+from tisoft.errors import SceneError
+from tisoft.followed import Kept
+from tisoft.gravity import changes, gravity_at, strongest
 from tisoft.model import state as columns
-from tisoft.model.number_range import check_bound, check_range
+from tisoft.model.number_range import check_bound, check_parts, check_range, check_scene
 from tisoft.model.part import Part
 from tisoft.model.system import System
 from tisoft.moving import STILL, moves
@@ -83,8 +87,12 @@ class Present:
             self.limit = StepLimit(self.system, scene.integrator)
             check_bound(self.limit.rest_bound(), self.system)
         self.watch = Watch(self.system, self.limit)
+        self._kept = Kept(scene)
+        self._kept.settled(scene)
         self._made_of = [body.made_of for body in scene.bodies]
-        self._gravity = tuple(scene.gravity)
+        self._given_gravity = scene.gravity
+        self.gravity_now = gravity_at(scene.gravity, 0.0)
+        """Of the present state [m/s²], shape (3,): to it gravity energy is told."""
         self._obstacles: tuple[Any, ...] = ()
         self._set_start()
         self.account: Account | None = None
@@ -126,18 +134,26 @@ class Present:
         stepper.loaded = self._is_loaded()
         return stepper
 
+    @property
+    def shakes(self) -> bool:
+        """Whether gravity changes by itself."""
+        return changes(self.scene.gravity)
+
     def _set_inputs(self) -> None:
         """Take anew what acts in time; makes another stepper where it needs other kernels."""
         acting = None
         pins = [pin for part in self.system.parts for pin in part.body.pins]
         # A scene that was driven once stays so: others' kernels would have to be compiled first.
-        timed = self.loading.changes or self.moves_obstacles or any(pin.moves for pin in pins)
+        timed = self.loading.changes or self.moves_obstacles or self.shakes
+        timed = timed or any(pin.moves for pin in pins)
         if self.schedule.acting or timed:
             acting = Acting()
             for part, pin in self.holder.moved:
                 acting.add_pin(part, pin)
-            if self.loading.changes:
+            if self.loading.changes or self.shakes:
                 self.loading.act(acting)
+            if self.shakes:
+                acting.add_gravity(self.system, self.scene.gravity, lambda: self.gravity_now)
             self._act_obstacles(acting)
         self.loading.write()
         self.schedule.set(acting)
@@ -166,7 +182,7 @@ class Present:
             return
         time = 1.0 / self.scene.frame_rate
         speed = np.linalg.norm(self.system.motion()[1], axis=1)
-        fall = 0.5 * time * time * float(np.linalg.norm(self.scene.gravity))
+        fall = 0.5 * time * time * strongest(self.scene.gravity)
         reach = [p.size + time * float(speed[p.nodes].max()) + fall for p in self.system.parts]
         times = (self.time, self.time + time)
         self.meets = self.touching.may_meet(self.system.world(), np.array(reach), times)
@@ -183,7 +199,7 @@ class Present:
 
     def open_account(self) -> None:
         """Begin a ledger with the present state."""
-        table = self._table(self.scene.gravity)
+        table = self._table(self.gravity_now)
         self.account = Account(sum(table.values()), touches=self.touching is not None)
 
     # -- what the caller changed ---------------------------------------------------------------
@@ -253,31 +269,37 @@ class Present:
         return any(moves(obstacle) for obstacle in self._obstacles)
 
     def take_changes(self) -> bool:
-        """Take over what the caller changed since the last frame; returns whether materials or
-        gravity did.
+        """Take over what the caller changed since the last frame; returns whether materials,
+        gravity or obstacles did.
+
+        Raises:
+            FieldError: what cannot change while it runs, or is impossible; nothing is taken then.
         """
+        self._check_changes()
         made_of = [body.made_of for body in self.scene.bodies]
-        changed = made_of != self._made_of
-        gravity = tuple(self.scene.gravity)
-        others = changed or gravity != self._gravity
+        changed, shaken = made_of != self._made_of, self.scene.gravity != self._given_gravity
+        others = changed or shaken
         if others:
             before = self._stored() if self.account is not None else 0.0
-            self._gravity = gravity
             if changed:
                 self._reread()
                 self._made_of = made_of
+            self._given_gravity = self.scene.gravity
+            self.gravity_now = gravity_at(self.scene.gravity, self.time)
             if self.account is not None:
                 self.account.external_work += self._stored() - before
-        known, asked = self._obstacles, tuple(self.scene.obstacles)
-        if len(known) != len(asked) or any(a is not b for a, b in zip(known, asked, strict=True)):
+        if self._has_other_obstacles():
+            known, asked = self._obstacles, tuple(self.scene.obstacles)
             self._obstacles = asked
             self._meet_anew([*known, *asked])
             if not _go_on(known, asked, self.time):
                 self._push_out()
                 others = True
             self.place_obstacles()
-            self._set_inputs()
-        if self.loading.refresh():
+            shaken = True
+        if shaken:
+            self.loading.forget()
+        if self.loading.refresh() or shaken or (changed and self.shakes):
             self._set_inputs()
         if self._rules() != self.stepper.rules:
             self.stepper = self._make_stepper()
@@ -289,21 +311,61 @@ class Present:
         """Compile what taking over a change needs; changes nothing."""
         self._reread()
 
+    def _check_changes(self) -> None:
+        """Refuse what cannot be followed before anything is taken."""
+        scene = self.scene
+        scene.check_together()
+        self._kept.check(scene)
+        if scene.gravity != self._given_gravity or self._has_other_obstacles():
+            check_scene(scene, self.precision)
+        self._kept.settled(scene)
+        for part, body in zip(self.system.parts, scene.bodies, strict=True):
+            if part.body is not body:  # with its damping ratio turned; else the same
+                part.body.pins, part.body.loads = body.pins, body.loads
+
+    def _has_other_obstacles(self) -> bool:
+        now, known = self.scene.obstacles, self._obstacles
+        return len(now) != len(known) or any(a is not b for a, b in zip(now, known, strict=True))
+
+    def shake(self, end: float) -> None:
+        """Take the gravity of the end of a stretch [s]: the work of that is external."""
+        if self.shakes:
+            before = self._stored() if self.account is not None else 0.0
+            self.gravity_now = gravity_at(self.scene.gravity, end)
+            if self.account is not None:
+                self.account.external_work += self._stored() - before
+
     def _is_loaded(self) -> bool:
-        return self.loading.acts or bool(self.hands.held)
+        return self.loading.acts or self.shakes or bool(self.hands.held)
 
     def _stored(self) -> float:
         """T + W + G [J] of the present state, under the gravity that was known last."""
-        return sum(self._table(self._gravity).values())
+        return sum(self._table(self.gravity_now).values())
 
     def _table(self, gravity: Any) -> dict[str, float]:
         """Kinetic, elastic and gravity energy [J] of the present state under `gravity` [m/s²]."""
         return energy_table(self.system, self.stepper.measure(gravity), gravity)
 
     def _reread(self) -> None:
-        for part, body in zip(self.system.parts, self.scene.bodies, strict=True):
-            part.body = damped_body(body)
-        self.system.reread_models()
+        """Take the bodies' materials; all of them, or none."""
+        parts = self.system.parts
+        before = [part.body for part in parts]
+        bodies = []
+        for k, body in enumerate(self.scene.bodies):
+            with inside(f"body[{k}]"):
+                body.validate()
+                bodies.append(damped_body(body))
+        for part, body in zip(parts, bodies, strict=True):
+            part.body = body
+        try:
+            with np.errstate(all="ignore"):
+                self.system.reread_models()
+                check_parts(self.system)
+        except SceneError:
+            for part, body in zip(parts, before, strict=True):
+                part.body = body
+            self.system.reread_models()
+            raise
         self.limit.refresh()
 
     # -- the present state ---------------------------------------------------------------------
@@ -311,7 +373,7 @@ class Present:
     def is_driven(self) -> bool:
         """Whether loads, hands, moved pins or obstacles do work on the bodies."""
         loads = any(part.body.loads for part in self.system.parts)
-        moved = self.holder.is_moving or self.moves_obstacles or self.is_pushing
+        moved = self.holder.is_moving or self.moves_obstacles or self.is_pushing or self.shakes
         return moved or loads or bool(self.hands.held)
 
     def remedies(self) -> str:
@@ -321,6 +383,8 @@ class Present:
             found.append("make loads smaller")
         if self.moves_obstacles:
             found.append("move obstacles more slowly")
+        if self.shakes:
+            found.append("let gravity change more slowly")
         if self.is_pushing:
             found.append("place bodies clear of obstacles")
         return ", ".join([*found, "make the material stiffer", "or mend the element"])
@@ -333,7 +397,7 @@ class Present:
         force = self.stepper.forces()
         if self.loading.pressure or self.loading.loads:
             force += external_forces(system.parts, self.time, system.world())
-        a = force / system.mass[:, None] + np.asarray(self.scene.gravity)
+        a = force / system.mass[:, None] + self.gravity_now
         drag = np.array([part.body.model.point_damping for part in system.parts])
         a -= drag[system.body][:, None] * system.v
         a[(self.holder.held[:, None] & np.array([1, 2, 4])) != 0] = 0.0
@@ -348,7 +412,7 @@ class Present:
 
     def energies(self) -> dict[str, float]:
         """Kinetic, elastic and gravity energy [J]."""
-        table = self._table(self.scene.gravity)
+        table = self._table(self.gravity_now)
         if self.half_step_lag:
             squares = (self.whole_velocities() ** 2).sum(axis=1)
             table["kinetic"] = 0.5 * float(self.system.mass @ squares)
@@ -357,11 +421,11 @@ class Present:
     def present(self) -> tuple[dict[str, float], float]:
         """Energies [J] of the present state, and the power v·f [W] of all conservative forces."""
         if not self.half_step_lag:
-            record = self.stepper.measure(self.scene.gravity)
-            table = energy_table(self.system, record, self.scene.gravity)
+            record = self.stepper.measure(self.gravity_now)
+            table = energy_table(self.system, record, self.gravity_now)
             return table, float(record[columns.POWER])
         f = self.stepper.forces()
-        f += self.system.mass[:, None] * np.asarray(self.scene.gravity)
+        f += self.system.mass[:, None] * self.gravity_now
         return self.energies(), float(np.einsum("ij,ij->", self.whole_velocities(), f))
 
     def fallen(self, number: int) -> float:
@@ -369,7 +433,7 @@ class Present:
         of the last launch.
         """
         record = self.stepper.records(number + 1)[number, 0]
-        return -energy_table(self.system, record, self.scene.gravity)["gravity"]
+        return -energy_table(self.system, record, self.gravity_now)["gravity"]
 
     @property
     def parts(self) -> list[Part]:

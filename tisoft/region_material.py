@@ -10,15 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft import checks
-from tisoft.checks import FieldError, inside
+from tisoft.checks import FieldError, inside, keep_number
 from tisoft.geometry.groups import listed, named
 from tisoft.geometry.mesh import Mesh
-from tisoft.models.materials import MassSpring, Model
+from tisoft.live import frozen
+from tisoft.models.materials import LIMITS, MassSpring, Model
 
 SPRINGS_TAKE = ("young", "density")
 """What a region of springs may change."""
 
 
+@frozen
 @dataclass(frozen=True)
 class RegionMaterial:
     """Numbers of the material in one region; what is left out is as in the rest of the body.
@@ -47,6 +49,8 @@ class RegionMaterial:
             raise FieldError("name", "must be the region's name in the mesh file", self.name)
         if self.tag is not None:
             checks.integer("tag", self.tag, least=-(2**31))
+        for field in self._numbers():
+            keep_number(self, field, **LIMITS[field])
         if not self._numbers():
             raise FieldError("", "changes nothing; give young, poisson, density, phi or eta")
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tisoft import checkpoint
 from tisoft.errors import SceneError
+from tisoft.gravity import gravity_at
 from tisoft.motion import Motion
 from tisoft.stable.guard import Recovery
 
@@ -75,6 +76,7 @@ def put(simulation: Motion, content: Any, arrays: dict[str, NDArray[Any]]) -> No
     system.set_pressed(arrays["pressed"])
     for name in COUNTERS:
         setattr(simulation, name, content["numbers"][name])
+    simulation.gravity_now = gravity_at(simulation.scene.gravity, simulation.time)
     simulation.steps = arrays["steps"].tolist()
     simulation.recoveries = [Recovery(**recovery) for recovery in content["recoveries"]]
     if content["limit"] is not None:

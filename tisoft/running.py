@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
+HOOKS = ("on_start", "on_frame", "on_end")
 ALONE = 10
 """First frames of a run that are made one by one: what goes wrong at once is seen at once."""
 

@@ -1,20 +1,22 @@
 """Scenes: bodies, what holds and pushes them, what they fall on, and how all of it is watched.
 
-A Scene is plain data; `Simulation` makes it run and reads it again between frames, so `gravity`, a
-body's `model`, pins and loads may be replaced while it runs.  SI units throughout.
+A Scene is plain data, checked where it enters; `Simulation` makes it run and reads it again between
+frames: what it follows, and what it refuses to have changed, is told in `followed`.  SI units.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from numpy.typing import ArrayLike
 
-from tisoft import checks
+from tisoft import checks, live
 from tisoft.body import Body
-from tisoft.checks import FieldError, Vector, inside, keep_number
+from tisoft.checks import FieldError, inside
 from tisoft.geometry.mesh import Mesh
+from tisoft.gravity import Gravity, check_gravity
+from tisoft.live import Items, Live
 from tisoft.loads import Load, Torque
 from tisoft.models.materials import Model
 from tisoft.obstacles import OBSTACLES, Box, Capsule, Cylinder, Obstacle, Plane, Shell, Sphere
@@ -46,12 +48,37 @@ INTEGRATORS = ("symplectic-euler", "velocity-verlet", "explicit-euler")
 MOST_FRAMES = 1e9
 
 
+class Bodies(Items[Body]):
+    """Of a scene."""
+
+    kinds, words, field = (Body,), "a Body", "body"
+
+
+class Obstacles(Items[Obstacle]):
+    """Of a scene."""
+
+    kinds, field = tuple(OBSTACLES.values()), "obstacle"
+    words = f"a {', '.join([k.__name__ for k in kinds[:-1]])} or {kinds[-1].__name__}"
+
+
+class Probes(Items[Probe]):
+    """Of a scene."""
+
+    kinds, words, field = (Probe,), "a Probe", "probe"
+
+
+class Pairs(Items[NoContact]):
+    """Of a scene."""
+
+    kinds, words, field = (NoContact,), "a NoContact", "no_contact"
+
+
 @dataclass(eq=False, kw_only=True)
-class Scene:
+class Scene(Live):
     """All there is to simulate.
 
     Args:
-        gravity: [m/s²].
+        gravity: [m/s²], or rows (t, gx, gy, gz) with t in s, linear between rows.
         duration: simulated time [s].
         frame_rate: frames per simulated second [1/s].
         step: "auto" or the substep [s].
@@ -67,7 +94,7 @@ class Scene:
         FieldError: naming the field, its value, the range and what to do.
     """
 
-    gravity: Vector = (0.0, -9.81, 0.0)
+    gravity: Gravity = (0.0, -9.81, 0.0)
     duration: float = 2.0
     frame_rate: float = 60.0
     step: float | Literal["auto"] = "auto"
@@ -77,13 +104,30 @@ class Scene:
     checkpoint_every: int = 0
     camera: Camera = field(default_factory=Camera)
     render: Render = field(default_factory=Render)
-    bodies: list[Body] = field(default_factory=list)
-    obstacles: list[Obstacle] = field(default_factory=list)
-    probes: list[Probe] = field(default_factory=list)
-    no_contact: list[NoContact] = field(default_factory=list)
+    bodies: list[Body] = field(default_factory=Bodies)
+    obstacles: list[Obstacle] = field(default_factory=Obstacles)
+    probes: list[Probe] = field(default_factory=Probes)
+    no_contact: list[NoContact] = field(default_factory=Pairs)
+
+    _checks: ClassVar = {
+        "gravity": check_gravity,
+        "duration": live.number(least=0.0, unit="s"),
+        "frame_rate": live.number(above=0.0, unit="frames per second"),
+        "step": live.either("auto", live.number(above=0.0, unit="s")),
+        "integrator": live.choice(*INTEGRATORS),
+        "start": live.choice("plain", "half-step"),
+        "precision": live.choice("f32", "f64"),
+        "checkpoint_every": checks.integer,
+        "camera": live.a(Camera, "a Camera"),
+        "render": live.a(Render, "a Render"),
+        "bodies": Bodies.of,
+        "obstacles": Obstacles.of,
+        "probes": Probes.of,
+        "no_contact": Pairs.of,
+    }
 
     def __post_init__(self) -> None:
-        self._check_settings()
+        self.check_together()
 
     def add_body(
         self,
@@ -109,8 +153,7 @@ class Scene:
         return body
 
     def add_obstacle(self, obstacle: Obstacle) -> Obstacle:
-        """Add something that bodies run into, and return it."""
-        _check_obstacle(obstacle)
+        """Add something that bodies run into, and return it; raises SceneError for what is none."""
         self.obstacles.append(obstacle)
         return obstacle
 
@@ -136,6 +179,7 @@ class Scene:
 
     def body(self, name: str) -> Body:
         """The body of this name; raises FieldError where there is none."""
+        checks.name("body", name)
         for body in self.bodies:
             if body.name == name:
                 return body
@@ -147,6 +191,7 @@ class Scene:
         """What a probe follows: a node, or a point of the surface that its body carries; raises
         SceneError for a body or a node that is not there.
         """
+        live.a(Probe, "a Probe")("probe", probe)
         return probed(self.body(probe.body), probe)
 
     def validate(self) -> None:
@@ -155,15 +200,12 @@ class Scene:
         Raises:
             FieldError: the field with its path, as body[0].pin[1].where.
         """
-        self._check_settings()
+        self.check_together()
         if not self.bodies:
             raise FieldError("body", "is missing: a scene needs at least one body")
         for i, body in enumerate(self.bodies):
             with inside(f"body[{i}]"):
                 body.validate()
-        for i, obstacle in enumerate(self.obstacles):
-            with inside(f"obstacle[{i}]"):
-                _check_obstacle(obstacle)
         for i, probe in enumerate(self.probes):
             with inside(f"probe[{i}]"):
                 self.probed(probe)
@@ -177,41 +219,26 @@ class Scene:
         _check_unique("body", [body.name for body in self.bodies])
         _check_unique("probe", [probe.name for probe in self.probes])
 
+    def check_bodies(self) -> None:
+        """Check that all pins and loads find what they hold and push; raises FieldError."""
+        for i, body in enumerate(self.bodies):
+            with inside(f"body[{i}]"):
+                body.check_held_and_pushed()
+
     def _check_named(self, key: str, name: str) -> None:
         known = [body.name for body in self.bodies]
         if name not in known:
             problem = f"names no body of the scene; {checks.suggestion(name, known)}"
             raise FieldError(key, problem, name)
 
-    def _check_settings(self) -> None:
-        self.gravity = checks.vector("gravity", self.gravity, unit="m/s²")
-        keep_number(self, "duration", least=0.0, unit="s")
-        keep_number(self, "frame_rate", above=0.0, unit="frames per second")
+    def check_together(self) -> None:
+        """Check what hangs together of the settings; raises FieldError."""
         if not self.duration * self.frame_rate <= MOST_FRAMES:
             problem = f"at {self.frame_rate:g} frames per second is above {MOST_FRAMES:g} frames"
             raise FieldError("duration", problem, self.duration)
-        if isinstance(self.step, str):
-            checks.choice("step", self.step, ("auto",))
-        else:
-            keep_number(self, "step", above=0.0, unit="s")
-        checks.choice("integrator", self.integrator, INTEGRATORS)
-        checks.choice("start", self.start, ("plain", "half-step"))
-        checks.choice("precision", self.precision, ("f32", "f64"))
-        checks.integer("checkpoint_every", self.checkpoint_every)
         for key, value in (("integrator", "explicit-euler"), ("start", "half-step")):
             if getattr(self, key) == value and self.step == "auto":
                 raise FieldError(key, "needs a step in seconds; give step = 1e-4 or so", value)
-        if not isinstance(self.camera, Camera):
-            raise FieldError("camera", "must be a Camera", self.camera)
-        if not isinstance(self.render, Render):
-            raise FieldError("render", "must be a Render", self.render)
-
-
-def _check_obstacle(obstacle: Any) -> None:
-    if not isinstance(obstacle, tuple(OBSTACLES.values())):
-        known = [kind.__name__ for kind in OBSTACLES.values()]
-        problem = f"must be a {', '.join(known[:-1])} or {known[-1]}"
-        raise FieldError("obstacle", problem, obstacle)
 
 
 def _check_unique(kind: str, names: list[str]) -> None:

@@ -65,7 +65,7 @@ def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
     Raises:
         SceneError: one sentence with the file, the key and its path, the value, and what to do.
     """
-    source = Path(path)
+    source = checks.path("path", path, "a scene file")
     document = document_of(source, overrides)
     settings = [_short(assignment) for assignment in overrides]
     try:

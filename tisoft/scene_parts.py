@@ -9,8 +9,10 @@ from dataclasses import dataclass
 
 from tisoft import checks
 from tisoft.checks import FieldError, Vector, keep_number, put
+from tisoft.live import frozen
 
 
+@frozen
 @dataclass(frozen=True)
 class Probe:
     """A node to follow: of the body named `body`, the one nearest to `point` at rest [m], or number
@@ -33,6 +35,7 @@ class Probe:
             checks.integer("node", self.node)
 
 
+@frozen
 @dataclass(frozen=True)
 class NoContact:
     """The names of two `bodies` that pass through each other.  Raises SceneError where they are not
@@ -50,6 +53,7 @@ class NoContact:
         put(self, "bodies", (names[0], names[1]))
 
 
+@frozen
 @dataclass(frozen=True)
 class Camera:
     """Where the scene is seen from; what is left out is chosen to frame the scene.
@@ -84,9 +88,10 @@ class Camera:
             put(self, "up", checks.direction("up", self.up))
         if self.eye is not None and self.eye == self.target:
             raise FieldError("target", "is where the eye is; move one of them", self.target)
-        keep_number(self, "fov", least=1.0, most=170.0, unit="degrees")
+        keep_number(self, "fov", least=1.0, most=150.0, unit="degrees")
 
 
+@frozen
 @dataclass(frozen=True)
 class Render:
     """How pictures are drawn.

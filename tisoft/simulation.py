@@ -12,13 +12,13 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from tisoft import checkpoint, resume, runtime
+from tisoft import checkpoint, checks, entering, resume, runtime
 from tisoft.body import Body
-from tisoft.checks import FieldError
 from tisoft.energies import Energies
 from tisoft.equilibrium.modes import Mass, Modes, natural_modes
 from tisoft.equilibrium.reactions import reactions
 from tisoft.equilibrium.statics import Equilibrium, equilibrium
+from tisoft.live import frozen
 from tisoft.measures.measures import Measures
 from tisoft.model.mass import ITERATIONS
 from tisoft.motion import Motion
@@ -33,6 +33,7 @@ from tisoft.step.observe import energy_table
 Floats = NDArray[np.float64]
 
 
+@frozen
 @dataclass(frozen=True)
 class Frame:
     """What an observer sees: the `simulation` at the end of its frame number `index`, from 0."""
@@ -65,7 +66,8 @@ class Simulation(Motion):
     """A scene that runs.
 
     Args:
-        scene: read again between frames: gravity, materials, pins and loads may change.
+        scene: or the name of a scene file.  It is read again between frames: gravity, step,
+            materials, pins, loads and obstacles may change, all else is refused (`followed`).
         arch: "cpu", "cuda", "metal", "vulkan" or "auto".
         precision: "f32" or "f64"; left out, the scene's.
         certify: False takes any step and checks nothing: to show how things fail.
@@ -79,7 +81,7 @@ class Simulation(Motion):
 
     def __init__(
         self,
-        scene: Scene,
+        scene: Scene | str | os.PathLike[str],
         *,
         arch: str = "cpu",
         precision: str | None = None,
@@ -89,8 +91,10 @@ class Simulation(Motion):
         interactive: bool = False,
     ) -> None:
         begun = time.perf_counter()
-        scene.validate()
-        _check_half_step(scene)
+        flags = {"certify": certify, "ledger": ledger, "interactive": interactive}
+        entering.check_options(arch, precision, threads, **flags)
+        scene = entering.scene_of(scene)
+        entering.check_half_step(scene)
         self.arch = runtime.start(arch)
         super().__init__(
             scene,
@@ -105,11 +109,15 @@ class Simulation(Motion):
         self.start_seconds = time.perf_counter() - begun - self.compile_seconds
         """Seconds of making it, without compiling: numbering, uploading, bounds."""
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        entering.check_attribute(self, name, value)
+        super().__setattr__(name, value)
+
     @property
     def warnings(self) -> list[str]:
         """What the run has told so far that a user should know, a sentence each."""
         self.watch.look(self.time)
-        return self.watch.warnings()
+        return self.watch.warnings() + self.coarse_times()
 
     # -- state ---------------------------------------------------------------------------------
 
@@ -122,17 +130,19 @@ class Simulation(Motion):
         return self._outside(self.whole_velocities(), body)
 
     def set_state(self, positions: Any, velocities: Any) -> None:
-        """Set all world positions [m] and velocities [m/s], shape (nodes, 3), scene's order.
+        """Set all world positions [m] and velocities [m/s], shape (nodes, 3), scene's order; held
+        components keep the velocity of their pin.
 
-        Raises SceneError for another shape.
+        Raises SceneError for another shape, what is not finite, and held nodes that are moved.
         """
-        shape = (self.system.count, 3)
-        new = [np.asarray(a, np.float64) for a in (positions, velocities)]
-        for name, values in zip(("positions", "velocities"), new, strict=True):
-            if values.shape != shape:
-                raise FieldError(name, f"has shape {values.shape}, but the scene's is {shape}")
-        u = self._inside(new[0]) - self.system.world(np.zeros(shape))
-        self.system.set_motion(u, self._inside(new[1]))
+        self.refresh()
+        self.put_state(*entering.state_of(self, positions, velocities))
+
+    def put_state(self, x: Floats, v: Floats) -> None:
+        """Set a state that has been checked, wherever pins hold."""
+        u = self._inside(x) - self.system.world(np.zeros_like(x))
+        self.system.set_motion(u, self._inside(v))
+        self.half_step_lag = 0.0  # the velocities are the present ones
         self.limit.moved()
         self.look_for_contact()
         if self.guard is not None:
@@ -142,13 +152,15 @@ class Simulation(Motion):
 
     def forces(self, body: Body | None = None) -> Floats:
         """Elastic, viscous and spring forces [N] in the present state, shape (nodes, 3)."""
+        self.refresh()
         return self._outside(self.stepper.forces(), body)
 
     def reactions(self, body: Body | None = None) -> Floats:
         """Forces of pins on their nodes [N], 0 where nothing is held, shape (nodes, 3)."""
+        self.refresh()
         external = external_forces(self.parts, self.time, self.system.world())
         internal, held = self.stepper.forces(), self.holder.held
-        force = reactions(self.system, held, internal, external, self.scene.gravity)
+        force = reactions(self.system, held, internal, external, self.gravity_now)
         return self._outside(force, body)
 
     def energy(self) -> Energies:
@@ -158,9 +170,10 @@ class Simulation(Motion):
     def energy_of(self, record: Floats | None) -> Energies:
         """The same of the frame with a record."""
         if record is None:
+            self.refresh()
             table = self.energies()
         else:
-            table = energy_table(self.system, record[0], self.scene.gravity)
+            table = energy_table(self.system, record[0], self.gravity_now)
         entries: Any = {**table, "dissipated": None, "external_work": None, "error": None}
         if self.account is not None:
             entries = self.account.entries_at(table, None if record is None else record[0, RUNNING])
@@ -178,7 +191,7 @@ class Simulation(Motion):
 
     @ledger.setter
     def ledger(self, on: bool) -> None:
-        if on != self.ledger:
+        if checks.flag("ledger", on) != self.ledger:
             self.account = None
             if on:
                 self.open_account()
@@ -193,6 +206,7 @@ class Simulation(Motion):
 
     def stable_step(self) -> float:
         """A step [s] that is certainly stable in the present state."""
+        self.refresh()
         return self.limit.present()
 
     @cached_property
@@ -211,7 +225,7 @@ class Simulation(Motion):
         if not self.system.consistent:
             return None
         force = self.stepper.forces()
-        force += self.system.mass[:, None] * np.asarray(self.scene.gravity)
+        force += self.system.mass[:, None] * self.gravity_now
         residual = residual_share(self.system.mass_residual(), force)
         return {"iterations": ITERATIONS[self.precision], "residual": residual}
 
@@ -245,19 +259,14 @@ class Simulation(Motion):
 
     def frames(self, seconds: float | None = None) -> Iterator[Frame]:
         """Frames from now on, the present one first: `seconds` [s] of them, or the scene's."""
-        yield self.here()
-        for _ in range(self._count(seconds)):
-            yield self.step()
-
-    def _count(self, seconds: float | None) -> int:
-        duration = self.scene.duration if seconds is None else seconds
-        return round(duration * self.scene.frame_rate)
+        count = entering.frames_in(seconds, self.scene)
+        return (self.step() if k else self.here() for k in range(count + 1))
 
     def run(self, seconds: float | None = None, *, observers: Iterable[Any] = ()) -> None:
         """Run with observers: objects with on_start(sim), on_frame(frame), on_end(sim), each
         optional; a plain callable is on_frame (see `running`).
         """
-        run(self, self._count(seconds), list(observers))
+        run(self, entering.frames_in(seconds, self.scene), entering.observers_of(observers))
 
     def told(self, index: int, record: Floats) -> Frame:
         """A frame of those just made together: the last is the present one."""
@@ -268,11 +277,13 @@ class Simulation(Motion):
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a checkpoint, whole or not at all."""
-        resume.save(self, path)
+        self.refresh()
+        resume.save(self, checks.path("path", path))
 
     @staticmethod
     def load(path: str | os.PathLike[str], *, arch: str = "cpu") -> Simulation:
         """A simulation from a checkpoint; it goes on with the very bits of the saved one."""
+        path = checks.path("path", path, "a checkpoint")
         content, arrays = resume.read(path)
         with checkpoint.damage_told(path):
             simulation = Simulation(
@@ -283,15 +294,3 @@ class Simulation(Motion):
             )
             resume.put(simulation, content, arrays)
         return simulation
-
-
-def _check_half_step(scene: Scene) -> None:
-    if scene.start != "half-step":
-        return
-    if scene.integrator != "symplectic-euler":
-        problem = f"shifts the velocities of symplectic-euler, not of {scene.integrator}"
-        raise FieldError("start", f'{problem}; use start = "plain"', scene.start)
-    for i, body in enumerate(scene.bodies):
-        if getattr(body.model, "mass", "lumped") != "lumped":
-            problem = f"needs lumped masses, and body[{i}] has consistent ones"
-            raise FieldError("start", problem, scene.start)

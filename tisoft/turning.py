@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from tisoft import checks
 from tisoft.checks import Vector, keep_number, put
+from tisoft.live import frozen
 
 Points = NDArray[np.float64]
 
 
+@frozen
 @dataclass(frozen=True)
 class Turn:
     """Rotation about a fixed axis: through `point` [m], along `axis`, at `rate` [rad/s].  Raises

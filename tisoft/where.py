@@ -17,6 +17,7 @@ from tisoft import checks
 from tisoft.checks import FieldError, Vector, put
 from tisoft.geometry.groups import listed, named
 from tisoft.geometry.mesh import Mesh, present_numbers
+from tisoft.live import frozen
 
 Points = NDArray[np.float64]
 NodeNumbers = NDArray[np.int64]
@@ -62,6 +63,7 @@ def _slack(points: Points) -> float:
     return _ROUNDING * float(np.abs(points).max(initial=0.0))
 
 
+@frozen
 @dataclass(frozen=True)
 class Box:
     """Nodes with lo <= x <= hi in every component [m]; ±inf leaves a side open."""
@@ -84,6 +86,7 @@ class Box:
         return np.flatnonzero(inside.all(axis=1))
 
 
+@frozen
 @dataclass(frozen=True)
 class HalfSpace:
     """Nodes on a plane or on the side that its normal points away from."""
@@ -100,6 +103,7 @@ class HalfSpace:
         return np.flatnonzero((points - np.array(self.point)) @ self.normal <= _slack(points))
 
 
+@frozen
 @dataclass(frozen=True)
 class Nodes:
     """Nodes by their numbers in the mesh file (0-based)."""
@@ -136,6 +140,7 @@ class Nodes:
         return places
 
 
+@frozen
 @dataclass(frozen=True)
 class Nearest:
     """The one node nearest to a point [m]; of equally near ones, the first."""
@@ -154,6 +159,7 @@ class Nearest:
         return np.array([np.square(away / reach).sum(axis=1).argmin()])
 
 
+@frozen
 @dataclass(frozen=True)
 class Everything:
     """All nodes."""
@@ -163,6 +169,7 @@ class Everything:
         return np.arange(len(points))
 
 
+@frozen
 @dataclass(frozen=True)
 class InRegion:
     """Nodes of the cells that the mesh file calls by a name or a number."""
@@ -191,6 +198,7 @@ class InRegion:
         return _found("region", self.name, mesh.regions)
 
 
+@frozen
 @dataclass(frozen=True)
 class InSet:
     """Nodes, or the nodes of faces, that the mesh file calls by a name or a number."""

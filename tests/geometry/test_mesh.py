@@ -77,7 +77,7 @@ def test_transform_scales_then_turns_about_x_y_z_then_moves():
     # y to z about x; then, about z, x to y.
     expected = [[0, 0, 5], [0, 2, 5], [0, 0, 7], [2, 0, 5]]
     assert moved.points == pytest.approx(np.array(expected), abs=1e-12)
-    with pytest.raises(MeshError, match="positive"):
+    with pytest.raises(MeshError, match=r"scale = -1.0 must be above"):
         mesh.transformed(scale=-1.0)
     with pytest.raises(MeshError, match="rotate"):
         mesh.transformed(rotate=(0, 0))

@@ -1,10 +1,14 @@
 """Contact with obstacles: no penetration, no bounce, Coulomb friction, whatever the direction."""
 
+import re
+
 import numpy as np
 import pytest
 from beams import INTEGRATORS, displaced, masses, momentum, rotation, simulate
 
 import tisoft as ts
+from tisoft.gaps import gap_warnings
+from tisoft.rows_in_time import coarse_rows
 
 G = 9.81
 STABLE = INTEGRATORS[:2]
@@ -297,3 +301,31 @@ def test_obstacles_put_elsewhere_between_frames_are_followed():
     scene.obstacles.clear()
     sim.step()
     assert not sim.recoveries
+
+
+def test_an_obstacle_between_nodes_is_told_before_and_what_it_did_afterwards():
+    """Where nodes alone meet obstacles a net that a ball fits through falls on, and says so."""
+    scene = ts.Scene(gravity=(0, -9.81, 0), precision="f64", frame_rate=50)
+    mesh = ts.cloth((1, 1), (4, 4)).transformed(translate=(-0.375, 0.3, -0.375))
+    faceless = ts.net(mesh.points, mesh.edges)
+    scene.add_body(faceless, ts.MassSpring(stiffness=100.0, node_mass=0.01), "cloth")
+    scene.add_obstacle(ts.Sphere((0, 0.1, 0), 0.15))
+    (before,) = gap_warnings(scene)
+    assert before.startswith("obstacle[0] (radius 0.15 m) is smaller than the mesh of body ")
+    assert "edges up to 0.354 m" in before and "take edges of 0.15 m or less" in before
+    sim = ts.Simulation(scene, threads=1)
+    for _ in sim.frames(0.3):
+        pass
+    (after,) = sim.warnings
+    assert re.search(r'"cloth" was 0\.\d+ m inside obstacle\[0\] between its nodes, at', after)
+    scene.bodies[0] = ts.Body("cloth", mesh, ts.MassSpring(stiffness=100.0, node_mass=0.01))
+    assert not list(gap_warnings(scene))
+
+
+def test_rows_finer_than_a_substep_are_told():
+    scene = ts.Scene(gravity=[[0, 0, 0, 0], [0.5, 0, 0, 1], [0.501, 0, 0, 0]])
+    body = scene.add_body(ts.box((1, 1, 1), (1, 1, 1)), ts.ViscoElastic(1e6, 0.3, 1000.0))
+    body.pin(ts.where.everything(), path=[[0, 0, 0, 0], [1, 1, 0, 0]])
+    (told,) = coarse_rows(scene, 2e-3)
+    assert told.startswith("gravity has rows 0.001 s apart, as [1] and [2], finer than the substep")
+    assert not list(coarse_rows(scene, 5e-4))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tisoft import checks
 from tisoft.changes import scene_with
 from tisoft.charting.chart import Chart, told
 from tisoft.charting.estimate import ROUNDING
@@ -88,6 +89,7 @@ def advise(
     Raises:
         SceneError: a tolerance that the precision cannot keep; no variants, or no ruler.
     """
+    tolerance = checks.number("tolerance", tolerance)
     if not 0.0 < tolerance < 1.0:
         raise SceneError(f"tolerance is {tolerance:g}; give a relative error, as 0.02 for 2 %")
     survey = Survey(scene, SECONDS, settings, tick=tick, bodies=bodies, patient=True)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from tisoft import checks
 from tisoft.charting.estimate import Error
 from tisoft.charting.judged import Judged
 from tisoft.charting.steps import StepSide, step_side
@@ -131,6 +132,7 @@ def chart(scene: str | Path | Scene, *, budget: float = 60.0) -> Chart:
     Raises:
         SceneError: no variants, no ruler, or a budget too small for two variants.
     """
+    budget = checks.number("budget", budget, unit="s")
     if not budget > 0.0:
         raise SceneError(f"budget is {budget:g}; give seconds above 0")
     survey = Survey(scene, budget)

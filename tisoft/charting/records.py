@@ -255,7 +255,7 @@ def timing_of(scene: Scene, places: list[Place]) -> dict[str, Any]:
     sim.substep(1, 0.0 if explicit else 1e-6 * step)  # compiles
     count = min(substeps, 64)
     begun = time.perf_counter()
-    sim.stepper.advance(count, step, scene.gravity)
+    sim.stepper.advance(count, step, sim.gravity_now)
     each = (time.perf_counter() - begun) / count
     if each * substeps < LONG_FRAME and not explicit:
         cost = _by_frames(sim, each * substeps)
@@ -264,7 +264,7 @@ def timing_of(scene: Scene, places: list[Place]) -> dict[str, Any]:
         count = max(1, min(substeps, int(TIMED / 3.0 / max(each, 1e-9))))
         for _ in range(3):
             begun = time.perf_counter()
-            sim.stepper.advance(count, step, scene.gravity)
+            sim.stepper.advance(count, step, sim.gravity_now)
             speeds.append((time.perf_counter() - begun) / (count * step))
         cost = float(np.median(speeds))
     return {"step": step, "stable_step": float(limit), "cost": cost}

@@ -19,6 +19,7 @@ from tisoft.geometry.mesh import SpringNet, TetMesh
 from tisoft.geometry.quality import altitudes, quality
 from tisoft.geometry.rigidity import Rigidity, rigidity
 from tisoft.models.materials import MassSpring
+from tisoft.rows_in_time import coarse_rows
 from tisoft.simulation import Simulation
 
 TRIALS, LEAST_TRIALS = 15, 5
@@ -56,7 +57,7 @@ def check(sim: Simulation) -> Report:
         "nodes": sim.system.count,
         "elements": sim.system.elements,
         "springs": sim.system.springs,
-        "warnings": warnings_of(scene),
+        "warnings": [*warnings_of(scene), *coarse_rows(scene, step)],
     }
     for body in scene.bodies:
         report.result["warnings"] += mesh_notes(body)
@@ -139,7 +140,7 @@ def estimated_speed(sim: Simulation) -> dict[str, Any]:
 
     def seconds_of(count: int) -> float:
         begun = time.perf_counter()
-        sim.stepper.advance(count, step, sim.scene.gravity)
+        sim.stepper.advance(count, step, sim.gravity_now)
         return time.perf_counter() - begun
 
     count = 4

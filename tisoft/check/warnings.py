@@ -11,7 +11,9 @@ from tisoft.body import Body
 from tisoft.check.cages import cage_warnings, pin_warnings
 from tisoft.check.meshes import mesh_warnings
 from tisoft.depth import depth_inside
+from tisoft.gaps import gap_warnings
 from tisoft.geometry.mesh import TetMesh
+from tisoft.gravity import mainly, strongest
 from tisoft.model.network import triangle_areas
 from tisoft.models.materials import NeoHookean, SolidModel, ViscoElastic
 from tisoft.scene import Obstacle, Plane, Scene, Shell
@@ -26,9 +28,14 @@ BENDING = {1: "several times", 2: "33 to 49 %", 3: "15 to 25 %", 4: "about 11 %"
 """How much too stiff linear tets bend, by elements through the thickness."""
 
 
+def first_warnings(scene: Scene) -> list[str]:
+    """What is told before anything is computed: meshes, and obstacles that fit between nodes."""
+    return [*mesh_warnings(scene), *gap_warnings(scene)]
+
+
 def warnings_of(scene: Scene) -> list[str]:
     """Sentences, none where nothing is to be said; of meshes first."""
-    found = mesh_warnings(scene) + list(_of_scene(scene))
+    found = [*mesh_warnings(scene), *gap_warnings(scene), *_of_scene(scene)]
     for body in scene.bodies:
         found += _of_body(body, scene)
     return found
@@ -58,7 +65,7 @@ def _of_body(body: Body, scene: Scene) -> Iterator[str]:
                 "out of it; move the body or the obstacle"
             )
     if model.point_damping:
-        strength = float(np.linalg.norm(scene.gravity))
+        strength = strongest(scene.gravity)
         fall = f": it falls at {strength / model.point_damping:.3g} m/s at the most"
         yield f"{name} has point damping, which brakes rigid motion too{fall if strength else ''}"
     if not isinstance(model, SolidModel):
@@ -91,7 +98,7 @@ def compression(body: Body, scene: Scene) -> float:
     """Rough compression (1: to nothing) by its own weight and by landing on what is below."""
     model, points = body.model, body.mesh.points
     assert isinstance(model, SolidModel)
-    gravity = np.array(scene.gravity)
+    gravity = mainly(scene.gravity)
     strength = float(np.linalg.norm(gravity))
     speed2 = float(np.dot(body.velocity, body.velocity))
     if strength and not body.pins:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tisoft import runtime, stops
-from tisoft.check.meshes import mesh_warnings
+from tisoft.check.warnings import first_warnings
 from tisoft.checks import inside
 from tisoft.errors import Diverged, SceneError
 from tisoft.folders import Owner
@@ -94,10 +94,10 @@ def add_picture(parser: argparse.ArgumentParser) -> None:
 
 
 def scene_of(options: argparse.Namespace, *, tell: bool = True) -> Scene:
-    """The scene that the command line asks for; what is wrong with its meshes is told at once."""
+    """The scene that the command line asks for; what is odd of its meshes is told at once."""
     scene = load_scene(options.scene, _settled(options))
     if tell and not options.quiet:
-        for warning in mesh_warnings(scene):
+        for warning in first_warnings(scene):
             print(f"tisoft: warning: {warning}", file=sys.stderr)
     if options.precision:
         scene.precision = options.precision
@@ -242,7 +242,7 @@ class Run:
                 print(as_json(result), flush=True)
             elif not options.quiet:
                 print("\n".join([as_text(result), *lines]), flush=True)
-                told = mesh_warnings(self.sim.scene)  # by scene_of
+                told = first_warnings(self.sim.scene)  # by scene_of
                 for warning in result["warnings"] if warn else []:
                     if warning in told:
                         continue

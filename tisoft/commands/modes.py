@@ -118,10 +118,10 @@ def _film(scene: Scene, found: Modes, options: argparse.Namespace) -> None:
     swings = [np.sin(2.0 * np.pi * k / frames) for k in range(frames)]
     survey = Survey()
     for swing in (-1.0, 1.0):
-        sim.set_state(middle + swing * shape, 0.0 * shape)
+        sim.put_state(middle + swing * shape, 0.0 * shape)
         survey.see(sim, scene.render.color)
     with film_to(options.output, scene) as film:
         film.survey = survey
         for swing in swings:
-            sim.set_state(middle + swing * shape, 0.0 * shape)
+            sim.put_state(middle + swing * shape, 0.0 * shape)
             film.on_frame(sim.here())

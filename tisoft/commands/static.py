@@ -73,7 +73,7 @@ def _solve(
             print(as_json(_failed(error)))
         raise
     sim = Simulation(scene, arch=options.arch, precision="f64", certify=False)
-    sim.set_state(found.positions, 0.0 * found.positions)
+    sim.put_state(found.positions, 0.0 * found.positions)
     return sim, _result(sim, found), found.warnings
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy import linalg, sparse
 from scipy.sparse.linalg import ArpackNoConvergence, eigsh, splu
 
+from tisoft import checks
 from tisoft.checks import FieldError
 from tisoft.equilibrium.at_rest import AtRest
 from tisoft.equilibrium.balance import held_axes
@@ -76,8 +77,7 @@ def natural_modes(
     """
     scene = scene_of(scene)
     scene.validate()
-    if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
-        raise FieldError("n", "must be a whole number of modes, 1 or more", n)
+    n = checks.integer("n", n, least=1)
     if mass not in (None, "lumped", "consistent"):
         raise FieldError("mass", 'must be "lumped" or "consistent"', mass)
     parts = parts_of(scene.bodies)
@@ -109,11 +109,7 @@ def _displacements(scene: Scene, about: Any, count: int) -> Floats:
         if about == "equilibrium":
             return equilibrium(scene).positions - rest
         raise FieldError("about", 'must be "rest", "equilibrium" or positions', about)
-    positions = np.asarray(about, np.float64)
-    if positions.shape != (count, 3) or not np.isfinite(positions).all():
-        problem = f"must be finite positions of shape ({count}, 3), one row a node"
-        raise FieldError("about", problem, positions.shape)
-    return positions - rest
+    return checks.floats("about", about, (count, 3), "a position (x, y, z) for each node") - rest
 
 
 def body_modes(

@@ -14,12 +14,12 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tisoft import runtime
-from tisoft.checks import FieldError
+from tisoft import checks, runtime
 from tisoft.energies import Energies
 from tisoft.equilibrium.balance import ACCEPTED, Balance
 from tisoft.equilibrium.follow import Answer, balance_body
 from tisoft.errors import SceneError
+from tisoft.gravity import gravity_at
 from tisoft.model.part import parts_of
 from tisoft.scene import Scene
 
@@ -92,7 +92,7 @@ def equilibrium(scene: Scene | HasScene, *, external: Any = None) -> Equilibrium
         warnings.append("static equilibrium leaves obstacles out: nodes may lie inside them")
     for part in parts:
         own = extra[part.nodes][part.order]
-        weight = part.mass[:, None] * np.array(scene.gravity)
+        weight = part.mass[:, None] * gravity_at(scene.gravity, scene.duration)
         balance = Balance(part, scene.duration, weight + own)
         with np.errstate(over="ignore", invalid="ignore"):  # trials that fail may overflow
             answer = balance_body(balance)
@@ -120,11 +120,7 @@ def equilibrium(scene: Scene | HasScene, *, external: Any = None) -> Equilibrium
 def _external(external: Any, count: int) -> Floats:
     if external is None:
         return np.zeros((count, 3))
-    forces = np.asarray(external, np.float64)
-    if forces.shape != (count, 3) or not np.isfinite(forces).all():
-        problem = f"must be finite forces of shape ({count}, 3), one row a node"
-        raise FieldError("external", problem, forces.shape)
-    return forces
+    return checks.floats("external", external, (count, 3), "a force (x, y, z) in N for each node")
 
 
 def _warn(balance: Balance, answer: Answer) -> list[str]:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tisoft.checks import FieldError
 from tisoft.errors import MeshError
 from tisoft.geometry import topology
 from tisoft.geometry.quality import signed_volumes, smallest_altitudes
@@ -14,6 +18,15 @@ Ints = NDArray[np.int32]
 
 FLAT = 1e-6
 """A tet whose smallest altitude is below this fraction of its longest edge is degenerate."""
+
+
+@contextmanager
+def as_of(what: str) -> Iterator[None]:
+    """Tell a wrong value as one of a mesh: "box.size[0] = -1 must be above 0 m"."""
+    try:
+        yield
+    except FieldError as error:
+        raise MeshError(str(error.inside(what))) from None
 
 
 def check_tets(points: Floats, tets: Ints) -> NDArray[np.bool_]:
@@ -81,6 +94,17 @@ def index_rows(values: ArrayLike, width: int, what: str) -> NDArray[np.integer]:
     return rows
 
 
+def index_numbers(values: ArrayLike, what: str) -> NDArray[np.int64]:
+    """The values as whole numbers, shape (n,)."""
+    try:
+        found = np.asarray(values)
+    except ValueError:  # rows of different lengths
+        found = np.empty(1, object)
+    if found.ndim != 1 or (found.size and found.dtype.kind not in "iu"):
+        raise MeshError(f"{what} must be a list of whole numbers")
+    return found.astype(np.int64)
+
+
 def check_range(rows: NDArray[np.integer], what: str, nodes: int) -> Ints:
     """The rows, once it is sure that every number is one of `nodes` nodes."""
     wrong = (rows < 0) | (rows >= nodes)
@@ -96,11 +120,15 @@ def check_range(rows: NDArray[np.integer], what: str, nodes: int) -> Ints:
 def positions(points: ArrayLike) -> Floats:
     """The points as an array of shape (nodes, 3)."""
     try:
-        values = np.asarray(points, dtype=np.float64)
+        given = np.asarray(points)
     except (TypeError, ValueError) as error:
         raise MeshError("points must be rows of three numbers") from error
-    if values.size == 0:
+    if given.size == 0:
         return np.empty((0, 3))
+    if given.dtype.kind not in "iuf":
+        kind = {"c": "complex numbers", "b": "true and false", "U": "text"}.get(given.dtype.kind)
+        raise MeshError(f"points must be rows of three numbers, not of {kind or 'other things'}")
+    values = given.astype(np.float64)
     if values.ndim != 2 or values.shape[1] != 3:
         raise MeshError(f"points must be rows of three numbers, not of shape {values.shape}")
     return values

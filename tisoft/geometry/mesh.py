@@ -16,6 +16,7 @@ from tisoft.geometry.checks import (
     check_range,
     check_repeats,
     check_tets,
+    index_numbers,
     index_rows,
     numbers,
     only_used,
@@ -28,11 +29,13 @@ from tisoft.geometry.joints import Joints, joints_of
 from tisoft.geometry.moving import moved
 from tisoft.geometry.quality import signed_volumes
 from tisoft.geometry.solid import SolidMesh
+from tisoft.live import frozen
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 
+@frozen
 @dataclass(frozen=True, eq=False)
 class TetMesh:
     """Tetrahedra at rest.  Raises MeshError where a value is not finite, an index is out of range,
@@ -65,7 +68,7 @@ class TetMesh:
     """Points and tets come from a mesh, or have been checked as those of a mesh are."""
 
     def __post_init__(self, checked: bool) -> None:
-        _freeze(self, "turned", np.asarray(self.turned, dtype=np.int32))
+        _freeze(self, "turned", index_numbers(self.turned, "turned").astype(np.int32))
         if checked:
             for name in ("points", "tets", "kept_nodes"):
                 _freeze(self, name, getattr(self, name))
@@ -142,6 +145,7 @@ class TetMesh:
         return replace(self, points=moved(self.points, scale, rotate, translate))
 
 
+@frozen
 @dataclass(frozen=True, eq=False)
 class SpringNet:
     """Nodes joined by springs, without tets: cloth, grids of springs, bare nets.  Raises MeshError
@@ -280,7 +284,7 @@ def _rows(values: ArrayLike, width: int, what: str, points: Floats) -> Ints:
 
 def _freeze_nodes(mesh: TetMesh | SpringNet) -> None:
     points = positions(mesh.points)
-    kept = np.asarray(mesh.kept_nodes, dtype=np.int64)
+    kept = index_numbers(mesh.kept_nodes, "kept_nodes")
     if kept.shape != (len(points),):
         raise MeshError(f"kept_nodes has shape {kept.shape}, but there are {len(points)} nodes")
     check_finite(points, kept)

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tisoft.errors import MeshError
+from tisoft import checks
+from tisoft.geometry.checks import as_of
 
 Floats = NDArray[np.float64]
 
@@ -15,13 +16,11 @@ Floats = NDArray[np.float64]
 def moved(
     points: Floats, scale: float, rotate: Sequence[float], translate: Sequence[float]
 ) -> Floats:
-    """Points scaled, then turned about x, y and z [degrees], then moved [m]."""
-    if not (np.isfinite(scale) and scale > 0):
-        raise MeshError(f"scale must be a positive number, not {scale!r}")
-    angles, shift = np.asarray(rotate, dtype=float), np.asarray(translate, dtype=float)
-    for name, vector in (("rotate", angles), ("translate", shift)):
-        if vector.shape != (3,) or not np.isfinite(vector).all():
-            raise MeshError(f"{name} must be three finite numbers, not {vector.tolist()!r}")
+    """Points scaled, then turned about x, y and z [degrees], then moved [m].  Raises MeshError."""
+    with as_of(""):
+        scale = checks.number("scale", scale, above=0.0)
+        angles = np.array(checks.vector("rotate", rotate, unit="degrees"))
+        shift = np.array(checks.vector("translate", translate, unit="m"))
     turn = np.eye(3)
     for axis, angle in enumerate(np.deg2rad(angles)):
         i, j = (axis + 1) % 3, (axis + 2) % 3

@@ -6,15 +6,17 @@ import itertools
 import math
 import operator
 from collections.abc import Sequence
-from typing import Literal, overload
+from typing import Any, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tisoft import checks
+from tisoft.checks import FieldError
 from tisoft.errors import MeshError
 from tisoft.geometry import round_hexes, topology
 from tisoft.geometry.cells import LATTICE
-from tisoft.geometry.checks import FLAT
+from tisoft.geometry.checks import FLAT, as_of
 from tisoft.geometry.mesh import Floats, SpringNet, TetMesh, bare_net
 from tisoft.geometry.quality import signed_volumes
 from tisoft.geometry.solid import SolidMesh
@@ -46,12 +48,12 @@ def box(size: Sequence[float], cells: Sequence[int], *, split: str = "five") -> 
     the thickness give 33 % too little deflection, four 11 %, eight 3 %.  split "hex" makes each
     cell a hexahedron: one through the thickness bends to 2 %.  Raises MeshError.
     """
-    lengths, counts = _lengths("box", size, 3), _counts("box", cells, 3)
+    with as_of("box"):
+        checks.choice("split", split, ("five", "six", "hex"))
+    lengths, counts = _lengths("box", "size", size, 3), _counts("box", "cells", cells, 3)
     if (axis := flat_axis(lengths, counts)) is not None:
         thin, wide = lengths[axis] / counts[axis], max(map(operator.truediv, lengths, counts))
         raise MeshError(f"box would have cells of {thin:.3g} m by {wide:.3g} m, too flat for tets")
-    if split not in ("five", "six", "hex"):
-        raise MeshError(f'box split must be "five", "six" or "hex", not {split!r}')
     corners = _cell_corners(counts)
     if split == "hex":
         return _of_hexes(_lattice(lengths, counts), corners[:, LATTICE])
@@ -70,8 +72,7 @@ def ball(radius: float, resolution: int, *, split: str = "tets") -> TetMesh | So
     concentric shells, so every node lies on a sphere about the origin.  split "hex" makes about
     5 resolution³ hexahedra: a block in the middle, layers around it.  Raises MeshError.
     """
-    (length,) = _lengths("ball", [radius], 1)
-    (shells,) = _counts("ball", [resolution], 1)
+    length, shells = _length("ball", "radius", radius), _count("ball", "resolution", resolution)
     if _is_hex("ball", split):
         _refuse_too_many("ball", 5 * shells**3)
         return _of_hexes(*round_hexes.hex_ball(length, shells))
@@ -108,8 +109,9 @@ def cylinder(
     as high as wide.  Six sectors are cut into rings; prisms are cut into three tets, mirrored from
     layer to layer.  split "hex" makes about 3 resolution² hexahedra a layer.  Raises MeshError.
     """
-    length, tall = _lengths("cylinder", [radius, height], 2)
-    (rings,) = _counts("cylinder", [resolution], 1)
+    length = _length("cylinder", "radius", radius)
+    tall = _length("cylinder", "height", height)
+    rings = _count("cylinder", "resolution", resolution)
     layers = max(1.0, float(np.rint(tall / (length / rings))))
     _refuse_too_many("cylinder", 18 * rings**2 * layers)
     if _is_hex("cylinder", split):
@@ -137,8 +139,9 @@ def cloth(size: Sequence[float], cells: Sequence[int], *, diagonals: bool = True
     `size` [m] and `cells` along x and z; node (i, k) has number i + (nx + 1) k.  Springs along the
     cells' sides and, with `diagonals`, along both diagonals of each cell.  Raises MeshError.
     """
-    width, depth = _lengths("cloth", size, 2)
-    across, along = _counts("cloth", cells, 2)
+    width, depth = _lengths("cloth", "size", size, 2)
+    across, along = _counts("cloth", "cells", cells, 2)
+    diagonals = _flag("cloth", "diagonals", diagonals)
     numbers = np.arange((across + 1) * (along + 1)).reshape(along + 1, across + 1)
     corners = np.stack(
         [numbers[:-1, :-1], numbers[:-1, 1:], numbers[1:, :-1], numbers[1:, 1:]], axis=-1
@@ -163,7 +166,8 @@ def grid(size: Sequence[float], cells: Sequence[int], *, diagonals: bool = True)
     `size` [m] and `cells` along x, y, z.  Springs along the cells' sides and, with `diagonals`,
     along both diagonals of every cell face, which makes it rigid.  Raises MeshError.
     """
-    lengths, counts = _lengths("grid", size, 3), _counts("grid", cells, 3)
+    lengths, counts = _lengths("grid", "size", size, 3), _counts("grid", "cells", cells, 3)
+    diagonals = _flag("grid", "diagonals", diagonals)
     apart = np.abs(_CORNERS[:, None] - _CORNERS[None]).sum(axis=2)
     reach = 2 if diagonals else 1
     pairs = [(a, b) for a in range(8) for b in range(a + 1, 8) if apart[a, b] <= reach]
@@ -191,9 +195,8 @@ def flat_axis(lengths: Sequence[float], counts: Sequence[int]) -> int | None:
 
 
 def _is_hex(shape: str, split: str) -> bool:
-    if split not in ("tets", "hex"):
-        raise MeshError(f'{shape} split must be "tets" or "hex", not {split!r}')
-    return split == "hex"
+    with as_of(shape):
+        return checks.choice("split", split, ("tets", "hex")) == "hex"
 
 
 def _of_hexes(points: Floats, hexes: Rows) -> SolidMesh:
@@ -299,24 +302,34 @@ def _on_ring(ring: int, position: Rows) -> Rows:
     return 1 + 3 * ring * (ring - 1) + position % (6 * ring)
 
 
-def _lengths(shape: str, values: Sequence[float], wanted: int) -> list[float]:
-    if len(values) != wanted or not all(
-        isinstance(v, (int, float, np.number)) and math.isfinite(v) and v > 0 for v in values
-    ):
-        raise MeshError(f"{shape} needs {wanted} positive length(s) in metres, not {values!r}")
-    return [float(v) for v in values]
+def _lengths(shape: str, key: str, values: Any, wanted: int) -> list[float]:
+    with as_of(shape):
+        return list(checks.numbers(key, values, wanted, "lengths in m", above=0.0, unit="m"))
 
 
-def _counts(shape: str, values: Sequence[int], wanted: int) -> list[int]:
-    if len(values) != wanted or not all(
-        isinstance(v, (int, np.integer)) and not isinstance(v, bool) and v >= 1 for v in values
-    ):
-        raise MeshError(
-            f"{shape} needs {wanted} whole number(s) of cells, each 1 or more, not {values!r}"
-        )
-    counts = [int(v) for v in values]
+def _length(shape: str, key: str, value: Any) -> float:
+    with as_of(shape):
+        return checks.number(key, value, above=0.0, unit="m")
+
+
+def _counts(shape: str, key: str, values: Any, wanted: int) -> list[int]:
+    with as_of(shape):
+        items = checks.sequence(key, values, "whole numbers")
+        if len(items) != wanted:
+            raise FieldError(key, f"must be {wanted} whole numbers, not {len(items)}", values)
+        counts = [checks.integer(f"{key}[{i}]", n, least=1) for i, n in enumerate(items)]
     _refuse_too_many(shape, math.prod(counts))
     return counts
+
+
+def _count(shape: str, key: str, value: Any) -> int:
+    with as_of(shape):
+        return checks.integer(key, value, least=1)
+
+
+def _flag(shape: str, key: str, value: Any) -> bool:
+    with as_of(shape):
+        return checks.flag(key, value)
 
 
 def _refuse_too_many(shape: str, cells: float) -> None:

@@ -10,16 +10,17 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tisoft import checks
 from tisoft.errors import MeshError
 from tisoft.geometry import carrying
-from tisoft.geometry.checks import check_finite, check_range, index_rows, positions
+from tisoft.geometry.checks import as_of, check_finite, check_range, index_rows, positions
 from tisoft.geometry.mesh import SolidMesh, SpringNet, TetMesh, moved
 from tisoft.geometry.surface import read_surface
+from tisoft.live import frozen
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -31,9 +32,12 @@ FARTHEST = 1.0
 """Of a point outside of its tet, in heights of the tet."""
 
 
+@frozen
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """Triangles between points that a mesh's nodes carry; made by `skin`, or by `cage`."""
+    """Triangles between points that a mesh's nodes carry; made by `skin`, or by `cage`.  Raises
+    MeshError for arrays that do not fit each other.
+    """
 
     triangles: Ints
     """Points of each triangle, shape (triangles, 3), outward."""
@@ -41,6 +45,17 @@ class Skin:
     """Nodes that carry each point, shape (points, corners)."""
     weights: Floats
     """Their shares, shape (points, corners); each row sums to 1."""
+
+    def __post_init__(self) -> None:
+        for name, kinds in (("triangles", "iu"), ("corners", "iu"), ("weights", "f")):
+            rows = getattr(self, name)
+            is_array = isinstance(rows, np.ndarray) and rows.dtype.kind in kinds and rows.ndim == 2
+            if not is_array or (name == "triangles" and rows.shape[1] != 3):
+                problem = "must be rows of numbers; make a skin by tisoft.skin"
+                raise MeshError(f"{name} {problem}")
+        if self.corners.shape != self.weights.shape:
+            raise MeshError("corners and weights must have one shape; make a skin by tisoft.skin")
+        check_range(self.triangles, "triangle", len(self.corners))
 
     def carried(self, values: Floats) -> Floats:
         """Values at the nodes, shape (nodes, …), carried over to the points: positions [m] too."""
@@ -62,7 +77,9 @@ def skin(mesh: TetMesh | SolidMesh, points: ArrayLike, triangles: ArrayLike) -> 
         MeshError: a mesh without cells, numbers that are not finite, a triangle with a point that
             is not there, or a surface that lies away from the cells.
     """
-    if isinstance(mesh, SpringNet):
+    if not isinstance(mesh, (TetMesh, SolidMesh)):
+        if not isinstance(mesh, SpringNet):
+            raise MeshError("mesh must be a mesh, as of tisoft.box or tisoft.read_mesh")
         raise MeshError("a skin is carried by tets or hexes, and this mesh has none")
     places = positions(points)
     check_finite(places, np.arange(len(places)))
@@ -149,7 +166,8 @@ def read_skin(
     Raises:
         MeshError: one sentence that names the file.
     """
-    path = Path(path)
+    with as_of(""):
+        path = checks.path("path", path, "a surface file")
     try:
         points, triangles = read_surface(path)
         return skin(mesh, moved(points, scale, rotate, translate), triangles)

@@ -21,10 +21,18 @@ from tisoft.geometry.cells import (
     hex_jacobians,
     point_volumes,
 )
-from tisoft.geometry.checks import check_finite, check_range, index_rows, numbers, positions
+from tisoft.geometry.checks import (
+    check_finite,
+    check_range,
+    index_numbers,
+    index_rows,
+    numbers,
+    positions,
+)
 from tisoft.geometry.faces import Boundary, boundary_of
 from tisoft.geometry.groups import NodeSet, Region
 from tisoft.geometry.moving import moved
+from tisoft.live import frozen
 
 if TYPE_CHECKING:
     from tisoft.geometry.cage.build import Cage
@@ -53,6 +61,7 @@ def _none(width: int) -> Ints:
     return np.empty((0, width), np.int32)
 
 
+@frozen
 @dataclass(frozen=True, eq=False)
 class SolidMesh:
     """Cells of several kinds at rest, joined at their nodes; corners in the order of VTK (see
@@ -93,9 +102,12 @@ class SolidMesh:
 
     def __post_init__(self, checked: bool) -> None:
         points = positions(self.points)
-        check_finite(points, np.asarray(self.kept_nodes))
+        kept = index_numbers(self.kept_nodes, "kept_nodes")
+        if kept.shape != (len(points),):
+            raise MeshError(f"kept_nodes has shape {kept.shape}, but there are {len(points)} nodes")
+        check_finite(points, kept)
         self._freeze("points", points)
-        self._freeze("kept_nodes", np.asarray(self.kept_nodes, np.int64))
+        self._freeze("kept_nodes", kept)
         for name, word in FIELDS.items():
             width = CELLS[word].corners
             rows = index_rows(getattr(self, name), width, NAMES[word])

@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tisoft import checks
 from tisoft.errors import MeshError
-from tisoft.geometry.checks import check_finite, check_range
+from tisoft.geometry.checks import as_of, check_finite, check_range
 from tisoft.geometry.files.quiet import no_surprises
 
 Floats = NDArray[np.float64]
@@ -32,7 +33,8 @@ def read_surface(path: str | os.PathLike[str]) -> tuple[Floats, Rows]:
     Raises:
         MeshError: a file that is no surface, or cannot be read.
     """
-    path = Path(path)
+    with as_of(""):
+        path = checks.path("path", path, "a surface file")
     if path.suffix.lower() not in SUFFIXES:
         raise MeshError(
             f"{path.suffix or 'it'} is no surface file: give one of {', '.join(SUFFIXES)}"

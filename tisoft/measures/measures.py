@@ -7,6 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from tisoft import checks
 from tisoft.body import Body
 from tisoft.measures.elements import (
     CellGauge,
@@ -31,6 +32,10 @@ class Measured(Protocol):
         """A body's share of the arrays."""
         ...
 
+    def whole_velocities(self) -> Floats:
+        """Velocities [m/s] of all nodes at the present time, shape (nodes, 3), internal order."""
+        ...
+
 
 class Measures:
     """Reads strain, stress and momentum off a simulation's present state, `simulation.measures`."""
@@ -48,8 +53,13 @@ class Measures:
         return self._gauge(part).read(self._u(part))
 
     def nodal(self, body: Body, values: Any) -> Floats:
-        """Averages at nodes, shape (nodes, …), of values per cell (by volume) or spring."""
+        """Averages at nodes, shape (nodes, …), of values per cell (by volume) or spring; raises
+        SceneError for another number of values.
+        """
         part = self._simulation.part(body)
+        count = len(part.springs) if part.is_springs else part.elements
+        what = "a value for each spring" if part.is_springs else "a value for each cell"
+        rows = checks.floats("values", values, (count, ...), what)
         if part.index not in self._averages:
             mesh = body.mesh
             if part.is_springs:
@@ -59,7 +69,7 @@ class Measures:
                 volumes[part.cell_order] = part.volume
                 average = NodalAverage(list(mesh.cells.values()), len(mesh.points), volumes)
             self._averages[part.index] = average
-        return self._averages[part.index](values)
+        return self._averages[part.index](rows)
 
     def inverted(self, body: Body | None = None) -> int:
         """Number of cells of a body, or of all, that are turned inside out or flat."""
@@ -68,11 +78,12 @@ class Measures:
 
     def momentum(self, body: Body | None = None) -> Floats:
         """Linear momentum [kg·m/s] of a body, or of all, shape (3,)."""
-        return linear_momentum(self._simulation.system, self._parts(body))
+        return linear_momentum(self._parts(body), self._simulation.whole_velocities())
 
     def angular_momentum(self, body: Body | None = None, *, about: Any = (0.0, 0.0, 0.0)) -> Floats:
         """Angular momentum about a point [m] of a body, or of all [kg·m²/s], shape (3,)."""
-        return angular_momentum(self._simulation.system, self._parts(body), about)
+        seen = self._simulation.system.world() - checks.vector("about", about, unit="m")
+        return angular_momentum(self._parts(body), seen, self._simulation.whole_velocities())
 
     def _parts(self, body: Body | None) -> Any:
         simulation = self._simulation

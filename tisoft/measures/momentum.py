@@ -6,30 +6,29 @@ p = Σ m v,   L = Σ m (x − c) × v;   consistent mass: L = Σ_tets ρV/20 [Σ
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tisoft.model.part import Part
-from tisoft.model.system import System
 
 Floats = NDArray[np.float64]
 
 
-def linear_momentum(system: System, parts: Sequence[Part]) -> Floats:
-    """p [kg·m/s] of some bodies, shape (3,); consistent mass gives the same as lumped."""
-    v = system.v.astype(np.float64)
+def linear_momentum(parts: Sequence[Part], v: Floats) -> Floats:
+    """p [kg·m/s] of some bodies at velocities v [m/s], shape (3,); consistent mass gives the same
+    as lumped.
+    """
     total = np.zeros(3)
     for part in parts:
         total += part.mass @ v[part.nodes]
     return total
 
 
-def angular_momentum(system: System, parts: Sequence[Part], about: Any) -> Floats:
-    """L about a point [m] of some bodies [kg·m²/s], shape (3,)."""
-    x = system.world() - np.asarray(about, np.float64)
-    v = system.v.astype(np.float64)
+def angular_momentum(parts: Sequence[Part], x: Floats, v: Floats) -> Floats:
+    """L of some bodies [kg·m²/s] about the point from which places x [m] are seen, at velocities v
+    [m/s], shape (3,).
+    """
     total = np.zeros(3)
     for part in parts:
         total += _spin(part, x[part.nodes], v[part.nodes])

@@ -12,10 +12,10 @@ import taichi as ti
 
 from tisoft import runtime
 
-LOAD, TORQUE, PRESSURE, PATH, TURN = range(5)
+LOAD, TORQUE, PRESSURE, PATH, TURN, GRAVITY = range(6)
 """Kinds of rows: force `along` times a signal; share `along[0]` of torque `target`; pressure row
 `target` of `State` with `along[0]`; components `target` (bits) with three signals of velocity;
-velocity `along` and `across` times two signals."""
+velocity `along` and `across` times two signals; mass `along[0]` times three signals."""
 NODES, VALUES, STRIDE, FIRST_TORQUE, LAST_TORQUE, FIRST_MOVED, LAST_MOVED = range(7)
 """Columns of `Inputs.scene`: from a node to its row of `start`, first value, values a signal, the
 scene's torques, and its moved obstacles."""

@@ -21,13 +21,25 @@ products of two or three numbers must stay in range too."""
 
 def check_range(system: System, scene: Scene) -> None:
     """Raise FieldError at the first quantity that leaves the range of the scene's floats."""
+    check_parts(system)
+    check_scene(scene, system.precision)
+
+
+def check_parts(system: System) -> None:
+    """The same of the bodies."""
     room = ROOM[system.precision]
     for part in system.parts:
         for what, unit, values, least in _of_part(part):
             _check(f"body[{part.index}]", what, unit, values, least / room, room)
         speeds = [*part.body.velocity, *part.body.spin]
         _check(f"body[{part.index}]", "initial speed", "m/s", speeds, 0.0, room)
-    _check("gravity", "component", "m/s²", list(scene.gravity), 0.0, room)
+
+
+def check_scene(scene: Scene, precision: str) -> None:
+    """The same of gravity and obstacles."""
+    room = ROOM[precision]
+    for row in np.atleast_2d(np.asarray(scene.gravity)):
+        _check("gravity", "component", "m/s²", row[-3:], 0.0, room)
     for i, obstacle in enumerate(scene.obstacles):
         box = (np.array(obstacle.point),) if isinstance(obstacle, Plane) else obstacle.bounds()
         _check(f"obstacle[{i}]", "position", "m", np.concatenate(box), 0.0, room)

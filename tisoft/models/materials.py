@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from tisoft import checks
 from tisoft.checks import FieldError, keep_number, put
 from tisoft.laws import LAWS
+from tisoft.live import frozen
 
 MassKind = Literal["lumped", "consistent"]
 
@@ -29,6 +30,17 @@ _INCOMPRESSIBLE = (
     "a body with 0.5 cannot change its volume, and linear tets lock before that: "
     "0.45 to 0.49 serves for rubber"
 )
+
+
+LIMITS: dict[str, dict[str, Any]] = {
+    "young": {"above": 0.0, "unit": "Pa"},
+    "poisson": {"above": -1.0, "below": 0.5, "remedy": _INCOMPRESSIBLE},
+    "density": {"above": 0.0, "unit": "kg/m³"},
+    "phi": {"unit": "Pa·s"},
+    "eta": {"least": 0.0, "unit": "Pa·s"},
+    "thickness": {"above": 0.0, "unit": "m"},
+}
+"""What a number of a material may be, as `checks.number` takes it."""
 
 
 def lame_constants(young: float, poisson: float) -> tuple[float, float]:
@@ -65,6 +77,7 @@ def _check_damping(model: SolidModel | MassSpring) -> None:
             raise FieldError("damping_at", "needs a damping_ratio beside it", model.damping_at)
 
 
+@frozen
 @dataclass(frozen=True)
 class SolidModel:
     """Parameters that every model with tets has: an isotropic visco-elastic solid.
@@ -100,10 +113,8 @@ class SolidModel:
     """Word of its stress law in `laws.LAWS`."""
 
     def __post_init__(self) -> None:
-        keep_number(self, "young", above=0.0, unit="Pa")
-        keep_number(self, "poisson", above=-1.0, below=0.5, remedy=_INCOMPRESSIBLE)
-        keep_number(self, "density", above=0.0, unit="kg/m³")
-        keep_number(self, "eta", least=0.0, unit="Pa·s")
+        for field in ("young", "poisson", "density", "eta"):
+            keep_number(self, field, **LIMITS[field])
         least = -2.0 * self.eta / 3.0
         keep_number(self, "phi", least=least, unit="Pa·s", remedy="below it gives energy")
         _check_damping(self)
@@ -133,6 +144,7 @@ class SolidModel:
         return lame_constants(self.young, self.poisson)[1]
 
 
+@frozen
 @dataclass(frozen=True)
 class ViscoElastic(SolidModel):
     """St. Venant-Kirchhoff solid with viscosity (O'Brien and Hodgins 1999), for large
@@ -143,6 +155,7 @@ class ViscoElastic(SolidModel):
     masses: ClassVar[tuple[MassKind, ...]] = ("lumped", "consistent")
 
 
+@frozen
 @dataclass(frozen=True)
 class Linear(SolidModel):
     """Linear elasticity (Hooke 1678; Lamé 1852), for small displacements and rotations."""
@@ -151,6 +164,7 @@ class Linear(SolidModel):
     masses: ClassVar[tuple[MassKind, ...]] = ("lumped", "consistent")
 
 
+@frozen
 @dataclass(frozen=True)
 class MassTensor(SolidModel):
     """Linear elasticity with its stiffness stored on nodes and edges (Cotin, Delingette and Ayache
@@ -160,6 +174,7 @@ class MassTensor(SolidModel):
     law = "linear"
 
 
+@frozen
 @dataclass(frozen=True)
 class NeoHookean(SolidModel):
     """Stable neo-Hookean solid with viscosity (Smith, de Goes and Kim 2018): finds its way back
@@ -169,6 +184,7 @@ class NeoHookean(SolidModel):
     law = "neo-hookean"
 
 
+@frozen
 @dataclass(frozen=True, eq=False)
 class MassSpring:
     """A network of springs between point masses (as of cloth, Provot 1995).
@@ -208,15 +224,20 @@ class MassSpring:
     damping_at: float | None = None
 
     def __post_init__(self) -> None:
-        for field, unit in (("young", "Pa"), ("density", "kg/m³"), ("thickness", "m")):
+        for field in ("young", "density", "thickness"):
             if getattr(self, field) is not None:
-                keep_number(self, field, above=0.0, unit=unit)
+                keep_number(self, field, **LIMITS[field])
         keep_number(self, "spring_damping", least=0.0, unit="N·s/m")
         _check_damping(self)
         if self.damping_ratio is not None and self.spring_damping:
             raise FieldError("damping_ratio", "excludes spring_damping: it is turned into it")
         _check_masses(self)
         _check_springs(self)
+        for field in ("springs", "stiffness", "rest_lengths", "node_mass"):
+            own = getattr(self, field)
+            if isinstance(own, np.ndarray) and own.flags.writeable:
+                put(self, field, own.copy())
+                getattr(self, field).flags.writeable = False  # changes would not be noticed
 
     @property
     def needs_young(self) -> bool:
@@ -323,7 +344,7 @@ def model_of(word: str) -> type[SolidModel]:
     """A model for a law of `LAWS` that needs no parameters but those of every solid."""
     name = word.title().replace("-", "")
     base: type[SolidModel] = type(name, (SolidModel,), {"law": word, "__doc__": LAWS[word]})
-    made = dataclass(frozen=True)(base)
+    made = frozen(dataclass(frozen=True)(base))
     MODELS[word] = made
     return made
 

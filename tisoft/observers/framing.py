@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from tisoft.gravity import mainly
 from tisoft.moving import moves
 from tisoft.observers.quantities import QUANTITIES
 from tisoft.observers.track import Snapshot, snapshot_of
@@ -130,7 +131,7 @@ def up_of(scene: Scene) -> Floats:
     """Unit vector that is up in the picture: the camera's, else against gravity, else y."""
     if scene.camera.up is not None:
         return np.array(scene.camera.up)
-    gravity = np.array(scene.gravity)
+    gravity = mainly(scene.gravity)
     strength = float(np.linalg.norm(gravity))
     return -gravity / strength if strength else np.array([0.0, 1.0, 0.0])
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from tisoft import checks
 from tisoft.checks import FieldError, Vector, keep_number, put
+from tisoft.live import frozen
 from tisoft.moving import check_motion, pose
 from tisoft.obstacles.base import Corners
 from tisoft.turning import Turn
@@ -28,6 +29,7 @@ TRIANGLES = np.array(
 """Between corners numbered by their bits, x first."""
 
 
+@frozen
 @dataclass(frozen=True)
 class Box:
     """An obstacle: a box along the axes.

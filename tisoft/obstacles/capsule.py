@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from tisoft import checks
 from tisoft.checks import FieldError, Vector, keep_number, put
+from tisoft.live import frozen
 from tisoft.moving import check_motion, pose
 from tisoft.obstacles.base import LINE, Core
 from tisoft.turning import Turn
@@ -47,6 +48,7 @@ def line_numbers(obstacle: Any, origin: Any, times: Any) -> NDArray[np.float64]:
     return out
 
 
+@frozen
 @dataclass(frozen=True)
 class Capsule:
     """An obstacle: a rod with round ends; `from` and `to` in scene files.

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from tisoft import checks
 from tisoft.checks import Vector
+from tisoft.live import frozen
 from tisoft.obstacles.base import FLAT_LINE, Core, Corners
 from tisoft.obstacles.capsule import ALONG, check_line, line_numbers
 from tisoft.turning import Turn
@@ -28,6 +29,7 @@ SIDES = (24, 128)
 """Least and most corners of a rim."""
 
 
+@frozen
 @dataclass(frozen=True)
 class Cylinder:
     """An obstacle: a rod with flat ends; `from` and `to` in scene files.

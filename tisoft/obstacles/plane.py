@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 
 from tisoft import checks
 from tisoft.checks import Vector, keep_number, put
+from tisoft.live import frozen
 from tisoft.moving import check_motion, pose
 from tisoft.turning import Turn
 
 
+@frozen
 @dataclass(frozen=True)
 class Plane:
     """An obstacle: the half-space below a plane; `normal` points to the free side.

@@ -16,7 +16,6 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,8 +24,10 @@ from numpy.typing import NDArray
 from tisoft import checks
 from tisoft.checks import FieldError, keep_number, put
 from tisoft.errors import MeshError
+from tisoft.geometry.checks import check_range, index_rows, positions
 from tisoft.geometry.moving import moved
 from tisoft.geometry.surface import closed, read_surface
+from tisoft.live import frozen
 from tisoft.moving import check_motion, pose
 from tisoft.obstacles.base import Corners
 from tisoft.turning import Turn
@@ -36,6 +37,7 @@ FAR = 1e30
 """Distance [m] that its `distance` tells: nodes meet triangles instead."""
 
 
+@frozen
 @dataclass(frozen=True, eq=False)
 class Shell:
     """An obstacle: closed triangles, `file` in scene files; `read_shell` reads one.
@@ -62,9 +64,10 @@ class Shell:
     turn: Turn | None = None
 
     def __post_init__(self) -> None:
-        put(self, "points", np.array(self.points, np.float64))
-        put(self, "triangles", np.array(self.triangles, np.int64))
         try:
+            put(self, "points", positions(self.points).copy())
+            rows = index_rows(self.triangles, 3, "triangle")
+            put(self, "triangles", check_range(rows, "triangle", len(self.points)).astype(np.int64))
             put(self, "triangles", closed(self.points, self.triangles)[0])
         except MeshError as error:
             raise FieldError("triangles", f"are no closed surface: {error}") from None
@@ -131,5 +134,5 @@ def read_shell(
         MeshError: a file that is no surface, or cannot be read.
         SceneError: a surface that is not closed.
     """
-    points, triangles = read_surface(Path(path))
+    points, triangles = read_surface(checks.path("path", path, "a surface file"))
     return Shell(moved(points, scale, rotate, translate), triangles, **keys)

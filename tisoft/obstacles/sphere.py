@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 
 from tisoft import checks
 from tisoft.checks import Vector, keep_number, put
+from tisoft.live import frozen
 from tisoft.moving import check_motion, pose
 from tisoft.obstacles.base import POINT, Core
 from tisoft.turning import Turn
 
 
+@frozen
 @dataclass(frozen=True)
 class Sphere:
     """An obstacle: a ball.

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tisoft.model.system import System
 from tisoft.models.materials import Linear, MassSpring, MassTensor, NeoHookean
+from tisoft.stable.inside import Inside
 from tisoft.stable.limit import StepLimit
 
 TURN = 20.0
@@ -33,6 +34,7 @@ class Watch:
     def __init__(self, system: System, limit: StepLimit) -> None:
         self.system = system
         self.limit = limit
+        self.inside = Inside(system.parts)
         self.inverted = 0
         """Cells inside out now."""
         self._most_inverted, self._first_inverted = 0, 0.0
@@ -49,12 +51,15 @@ class Watch:
         """What a checkpoint keeps."""
         turns = [[index, *worst] for index, worst in self._turns.items()]
         inverted = [self.inverted, self._most_inverted, self._first_inverted]
-        return {"inverted": inverted, "turns": turns}
+        worst = [[*key, *value] for key, value in self.inside.worst.items()]
+        return {"inverted": inverted, "turns": turns, "inside": worst}
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Go on from what `state` told."""
         self.inverted, self._most_inverted, self._first_inverted = state["inverted"]
         self._turns = {index: (angle, time) for index, angle, time in state["turns"]}
+        worst = state.get("inside", [])
+        self.inside.worst = {(body, o): (depth, t, at) for body, o, depth, t, at in worst}
 
     def look(self, time: float) -> None:
         """Look at the state at `time` [s]."""
@@ -99,4 +104,4 @@ class Watch:
                     f"and its linear model is for small turns: deflections are then {least}"
                     f'{error:.0f} % too large; use model = "viscoelastic"'
                 )
-        return told
+        return told + self.inside.warnings()

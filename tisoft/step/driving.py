@@ -13,6 +13,7 @@ import taichi as ti
 from tisoft.model.inputs import (
     FIRST_MOVED,
     FIRST_TORQUE,
+    GRAVITY,
     LAST_MOVED,
     LAST_TORQUE,
     LOAD,
@@ -49,6 +50,10 @@ def act(s: ti.template(), scene, i, column):
         if kind == LOAD:
             loaded = 1
             load += value * along
+        elif kind == GRAVITY:
+            loaded = 1
+            for c in range(3):
+                load[c] += along[0] * ti.cast(signal(s, row, number + c, column), s.inputs.real)
         elif kind == TORQUE:
             loaded = 1
             arm = -s.inputs.middle[target]

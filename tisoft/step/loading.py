@@ -221,9 +221,13 @@ class Loading:
                 self._turning.append((part, load, *_shares(part, load)[:2]))
             elif load.pressure is None:
                 self._dead.append((part, load, forces_of(part, load, x)))
-        self._total = np.full((self.system.count, 3), np.nan)  # so that the next frame writes it
+        self.forget()
         self._make_pressures([(part, load) for part, load in given if load.pressure is not None])
         return True
+
+    def forget(self) -> None:
+        """Say that what was written is no longer there: the next frame writes it anew."""
+        self._total = np.full((self.system.count, 3), np.nan)
 
     def _make_pressures(self, given: list[tuple[Part, Load]]) -> None:
         """Rows of `pressure_force`: each loaded face seen from each of its nodes."""

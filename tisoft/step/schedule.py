@@ -2,7 +2,8 @@
 
 A signal is told for each substep from a to b [s] by itself, however frames and launches are cut:
 
-    load, gravity   ∫ f dt / (b − a)             exactly, so that no corner or pulse is lost
+    load            ∫ f dt / (b − a)             exactly, so that no corner or pulse is lost
+    gravity         the same, less what it is at the end of the stretch, for which energies are told
     path            (s(b) − s(a)) / (b − a)      where the pin is at b, whatever was between
     turn            the same of sin θ and of 1 − cos θ
 
@@ -15,12 +16,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tisoft import runtime
+from tisoft.gravity import Gravity
 from tisoft.loads import Load
 from tisoft.model import inputs as kinds
 from tisoft.model import state as columns
@@ -127,6 +130,22 @@ def factor_signal(load: Load) -> Signal:
     return signal
 
 
+def gravity_signal(gravity: Gravity, told: Callable[[], Floats]) -> Signal:
+    """Gravity beyond what is `told` for the stretch [m/s²], three components."""
+    rows = np.array(gravity)
+
+    def signal(w: Windows) -> Floats:
+        out = np.empty((3, len(w.begin)))
+        for k in range(3):
+            out[k] = mean(partial(integral, rows[:, 0], rows[:, 1 + k]), w)
+            if w.first_share != 1.0:
+                now = np.interp(w.begin[0], rows[:, 0], rows[:, 1 + k])
+                out[k, 0] += (1.0 - w.first_share) * (now - out[k, 0])
+        return out - told()[:, None]
+
+    return signal
+
+
 def path_signal(pin: Pin) -> Signal:
     """The pin's velocity, three components."""
 
@@ -212,6 +231,13 @@ class Acting:
         self.signals.append(signal)
         self.count += width
         return self.count - width
+
+    def add_gravity(self, system: System, gravity: Gravity, told: Callable[[], Floats]) -> None:
+        """Gravity that changes: what is `told` for a stretch acts by itself."""
+        along = np.zeros((system.count, 3))
+        along[:, 0] = system.mass
+        number = self.signal(gravity_signal(gravity, told), 3)
+        self.rows.add(np.arange(system.count), kinds.GRAVITY, 0, number, along)
 
     def add_pin(self, part: Part, pin: Pin) -> None:
         """A pin that moves."""

@@ -22,6 +22,7 @@ from tisoft.equilibrium.operators import Elastic
 from tisoft.geometry.mesh import bare_net
 from tisoft.geometry.rigidity import rigidity
 from tisoft.geometry.shapes import grid
+from tisoft.gravity import mainly
 from tisoft.model.network import network
 from tisoft.model.part import parts_of
 from tisoft.models.materials import MassSpring
@@ -181,7 +182,7 @@ def _slowest(body: Body, gravity: Floats) -> float:
 def measure(subject: Subject, own: Own, tick: Tick) -> Axis:
     """Count the mechanisms and let the nets sag."""
     net = net_of(subject)
-    gravity = np.asarray(subject.scene.gravity, float)
+    gravity = mainly(subject.scene.gravity)
     if not gravity.any():
         gravity = np.array([0.0, -9.81, 0.0])
     sim = settle(net, gravity, tick)

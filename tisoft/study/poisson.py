@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from tisoft import where
 from tisoft.body import Body
+from tisoft.gravity import mainly
 from tisoft.model.part import parts_of
 from tisoft.models.materials import Linear, lame_constants
 from tisoft.pins import Pin
@@ -97,7 +98,7 @@ def _is_held(body: Body) -> bool:
 def measure(subject: Subject, own: Own, tick: Tick) -> Axis:
     """Step and compliance for each Poisson's ratio."""
     body, name = held_body(subject)
-    gravity = np.asarray(subject.scene.gravity, float)
+    gravity = mainly(subject.scene.gravity)
     direction = gravity if gravity.any() else np.array([0.0, -9.81, 0.0])
     linear, quadratic = (Compliance(body, direction, order) for order in (1, 2))
     density, young = subject.material.density, subject.material.young

@@ -11,14 +11,14 @@ import json
 import math
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tisoft.checks import shown
+from tisoft.checks import FieldError, shown
 from tisoft.errors import SceneError
 from tisoft.models.materials import MODELS
 from tisoft.scene_keys import field_names, toml_value
@@ -85,8 +85,12 @@ def axes_of(over: Mapping[str, Any]) -> list[Axis]:
     """Axes from Python: each key with a list of values, or a range as "1e4..1e6"."""
     made = []
     for key, values in over.items():
+        if not isinstance(key, str):
+            raise FieldError("over", f"has a key that is no text: {shown(key)}; give a scene's key")
         if isinstance(values, str | int | float | bool):
             values = [values]
+        if not isinstance(values, Iterable) or not list(values):
+            raise FieldError(f"over[{shown(key)}]", "must be a list of values, one or more", values)
         items = [np.asarray(v).tolist() if isinstance(v, np.ndarray) else v for v in values]
         texts = [
             v if isinstance(v, str) and _RANGE.fullmatch(v.strip()) else as_toml(v) for v in items

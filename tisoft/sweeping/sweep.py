@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tisoft import checks
 from tisoft.changes import scene_with
-from tisoft.checks import shown
+from tisoft.checks import FieldError, shown
 from tisoft.errors import SceneError
 from tisoft.scene import Scene
 from tisoft.scene_keys import toml_value
@@ -63,9 +64,20 @@ def sweep(
     Raises:
         SceneError: an unknown key, a scene that cannot be read, Dask missing.
     """
+    if not isinstance(scene, Scene):
+        checks.path("scene", scene, "a scene file")
+    if not isinstance(over, Mapping):
+        raise FieldError("over", 'must be a table, as {"young": [1e4, 1e5]}', over)
+    if random is not None:
+        checks.integer("random", random, least=1)
+    checks.integer("seed", seed)
+    if workers is not None:
+        checks.integer("workers", workers, least=1)
+    if scheduler is not None:
+        checks.name("scheduler", scheduler.replace("/", "") if isinstance(scheduler, str) else 0)
     plan = plan_of(axes_of(over), random=random, seed=seed)
     jobs = jobs_of(scene, plan, threads=cluster.threads_for(workers))
-    folder = None if output is None else Path(output)
+    folder = None if output is None else checks.path("output", output, "a folder")
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
     return Sweep(run_jobs(plan, jobs, folder, workers=workers, scheduler=scheduler))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft.errors import SceneError
+from tisoft.gravity import mainly
 from tisoft.scene import Scene
 from tisoft.viewer.orders import MATERIAL
 
@@ -39,7 +40,7 @@ class Changes:
     def __init__(self, scene: Scene, clock: Callable[[], float]) -> None:
         self.scene, self.clock = scene, clock
         self.made: list[Change] = []
-        g = np.asarray(scene.gravity, np.float64)
+        g = mainly(scene.gravity)
         size = float(np.linalg.norm(g))
         self.down: NDArray[np.float64] = g / size if size > 0.0 else np.array([0.0, -1.0, 0.0])
         """Unit vector along which gravity is changed."""
@@ -90,4 +91,4 @@ class Changes:
         for body in self.scene.bodies:
             found = {name: getattr(body.model, name, None) for name in MATERIAL}
             models.append({n: float(v) for n, v in found.items() if isinstance(v, int | float)})
-        return {"gravity": float(np.asarray(self.scene.gravity) @ self.down), "models": models}
+        return {"gravity": float(mainly(self.scene.gravity) @ self.down), "models": models}

@@ -8,7 +8,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from tisoft import checks
+from tisoft.checks import FieldError
 from tisoft.errors import SceneError
+from tisoft.runtime import ARCHS
 from tisoft.scene import Scene
 from tisoft.simulation import Frame, Simulation
 from tisoft.viewer.controller import Controller
@@ -62,6 +65,8 @@ class View:
         """The present frame, then each as it is made, in step with the clock: for so many simulated
         seconds, or until `close`.  Pauses and failures are waited out: the page tells of them.
         """
+        if seconds is not None:
+            checks.number("seconds", seconds, least=0.0, unit="s")
         control = self.control
         frame = 1.0 / control.scene.frame_rate
         end = None if seconds is None else control.sim.time + seconds - 0.5 * frame
@@ -76,7 +81,7 @@ class View:
         """
         if self.control.recording is not None:
             raise SceneError(f"{self.control.recording.path} is being recorded; end that first")
-        self.control.record_to(Path(path))
+        self.control.record_to(checks.path("path", path, "a film or a page"))
 
     def end_recording(self) -> int:
         """Write what was recorded; returns its frames."""
@@ -158,7 +163,13 @@ def view(
     """
     sim = shown if isinstance(shown, Simulation) else None
     scene = sim.scene if sim is not None else shown
-    assert isinstance(scene, Scene)
+    if not isinstance(scene, Scene):
+        raise FieldError("shown", "must be a Scene or a Simulation", shown)
+    checks.integer("port", port, most=65535)
+    checks.choice("arch", arch, ARCHS)
+    if color is not None:
+        checks.choice("color", color, COLORS)
+    checks.number("speed", speed)
     wanted = color or (scene.render.color if scene.render.color in COLORS else "stress")
     if wanted not in COLORS:
         raise SceneError(f"color is {wanted!r}; give one of {', '.join(COLORS)}")

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tisoft import checks
 from tisoft.errors import MeshError
 from tisoft.geometry.cage.carried import shares
 from tisoft.geometry.cage.connected import Elements, elements
@@ -21,7 +22,7 @@ from tisoft.geometry.cage.lattice import Lattice, fitted
 from tisoft.geometry.cage.masses import balanced
 from tisoft.geometry.cage.moments import filled
 from tisoft.geometry.cells import LATTICE
-from tisoft.geometry.checks import check_range, index_rows, positions
+from tisoft.geometry.checks import as_of, check_range, index_rows, positions
 from tisoft.geometry.skin import Skin
 from tisoft.geometry.solid import SolidMesh
 from tisoft.geometry.surface import closed, joined, solid_moments
@@ -75,6 +76,13 @@ def cage(
         MeshError: a surface that is not closed or crosses itself, with the place; cells that are
             too many, or larger than the surface.
     """
+    with as_of("cage"):
+        key = checks.exactly_one("", {"size": size, "cells_across": cells_across})
+        if key == "size":
+            size = checks.number(key, size, above=0.0, unit="m")
+        else:
+            cells_across = checks.integer(key, cells_across, least=1)
+    points = positions(points)
     rows = check_range(index_rows(triangles, 3, "triangle"), "triangle", len(points))
     places, faces = joined(positions(points), rows.astype(np.int64))
     if not len(faces):

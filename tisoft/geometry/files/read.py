@@ -8,7 +8,9 @@ import os
 import re
 from pathlib import Path
 
+from tisoft import checks
 from tisoft.errors import MeshError
+from tisoft.geometry.checks import as_of
 from tisoft.geometry.files.abaqus import read_abaqus
 from tisoft.geometry.files.content import Content
 from tisoft.geometry.files.foreign import read_foreign
@@ -69,7 +71,8 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     the mesh; names and numbers of parts of it become regions and sets.  Raises MeshError, one
     sentence that names the file, for whatever cannot be simulated.
     """
-    path = Path(path)
+    with as_of(""):
+        path = checks.path("path", path, "a mesh file")
     try:
         _check_readable(path)
         return mesh_of(_content(path))
