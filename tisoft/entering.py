@@ -112,10 +112,13 @@ def state_of(sim: Motion, positions: Any, velocities: Any) -> tuple[Floats, Floa
             problem = 'is beyond what f32 computes with; use precision = "f64"'
             raise FieldError(f"{name}[{row}]", problem, values[row])
     here, now = sim.system.world(), sim.whole_velocities()
+    led = sim.holder.led(here, sim.time)
     for part in sim.parts:
         bits = sim.holder.held[part.nodes][:, None] & np.array([1, 2, 4])
         v[part.nodes][part.order] = np.where(bits, now[part.nodes], v[part.nodes][part.order])
-        away = np.abs(x[part.nodes][part.order] - here[part.nodes]) * (bits != 0)
+        new = x[part.nodes][part.order]
+        away = np.minimum(np.abs(new - here[part.nodes]), np.abs(new - led[part.nodes]))
+        away *= bits != 0
         if away.max(initial=0.0) > OFF * part.size:
             row = int(away.max(axis=1).argmax())
             node = int(part.body.mesh.kept_nodes[part.order[row]])

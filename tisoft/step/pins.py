@@ -9,6 +9,8 @@ from tisoft.model.part import Part
 from tisoft.model.system import System
 from tisoft.pins import Pin
 
+Floats = NDArray[np.float64]
+
 SAME_TIME = 1e-9
 """Share of a frame by which a release may seem late through rounding."""
 
@@ -71,6 +73,18 @@ class Holder:
     def write(self) -> None:
         """Write what is held, and how it moves, into the fields."""
         self.system.set_fixed(self.held, self.drive)
+
+    def led(self, here: Floats, time: float) -> Floats:
+        """World positions `here` [m], inside order, shape (nodes, 3), what moved pins hold where
+        they have it at `time` [s].
+        """
+        out = here.copy()
+        for part, pin, rows, inside in self._moved:
+            points = part.body.mesh.points[rows]
+            place = points + pin.displacement(points, time)
+            for axis in pin.axes:
+                out[inside, "xyz".index(axis)] = place[:, "xyz".index(axis)]
+        return out
 
     def finish(self, end: float) -> None:
         """Put moved pins exactly where they belong at `end` [s]: rounding must not add up."""
