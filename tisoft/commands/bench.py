@@ -15,6 +15,7 @@ HELP = "how fast this machine is"
 EXAMPLES = """examples:
   tisoft bench
   tisoft bench --render
+  tisoft bench --view
   tisoft bench --accuracy
   tisoft bench --sizes S XL --models viscoelastic --seconds 2 --json"""
 
@@ -35,6 +36,9 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--render", action="store_true", help="pictures instead: ms a frame, stage by stage"
     )
     parser.add_argument(
+        "--view", action="store_true", help="what an open page costs the simulation instead"
+    )
+    parser.add_argument(
         "--accuracy", action="store_true",
         help="errors against cost instead: beams of each element, and what 2 %% of error costs",
     )  # fmt: skip
@@ -51,6 +55,8 @@ def execute(options: argparse.Namespace) -> int:
         return _render(options)
     if options.accuracy:
         return _accuracy(options)
+    if options.view:
+        return _view(options)
     precision = options.precision or "f32"
     rows = []
     for model in options.models:
@@ -65,6 +71,21 @@ def execute(options: argparse.Namespace) -> int:
         print(as_json({"status": "done", "cores": runtime.threads(), "results": rows}))
     elif not options.quiet:
         print(as_text(rows))
+    return 0
+
+
+def _view(options: argparse.Namespace) -> int:
+    """Time frames with a page open and without one, and report."""
+    from tisoft import bench_view
+
+    rows = [
+        bench_view.measure(size, seconds=options.seconds, arch=options.arch)
+        for size in bench_view.SIZES
+    ]
+    if options.json:
+        print(as_json({"status": "done", "cores": runtime.threads(), "results": rows}))
+    elif not options.quiet:
+        print(bench_view.as_text(rows))
     return 0
 
 

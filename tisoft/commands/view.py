@@ -17,6 +17,7 @@ from tisoft.errors import SceneError
 
 if TYPE_CHECKING:
     from tisoft.viewer.controller import Controller
+    from tisoft.viewer.window import Window
 
 HELP = "take a running body in your hand, in the browser"
 EXAMPLES = """examples:
@@ -45,6 +46,9 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--host", default="127.0.0.1", help="where to listen (127.0.0.1: this machine alone)"
     )
     parser.add_argument("--no-browser", action="store_true", help="print the address, open nothing")
+    parser.add_argument(
+        "--window", action="store_true", help="open a window too, where display and Vulkan are"
+    )
     parser.add_argument("--color", choices=common.COLORS, help="what the colours show")
     parser.add_argument(
         "--record", metavar="FILE", type=common.place,
@@ -80,23 +84,40 @@ def execute(options: argparse.Namespace) -> int:
     try:
         if place is not None:
             control.record_to(place)
+        window = _window(control) if options.window else None
         _tell(options, server.url, server.port)
-        _step(control, options)
+        _step(control, options, window)
     finally:
         server.close()
     return 0
 
 
-def _step(control: Controller, options: argparse.Namespace) -> None:
-    """Step until a signal ends it, between two frames; then complete what is recorded."""
+def _window(control: Controller) -> Window | None:
+    """The window, or None with a sentence that says why there is none."""
+    from tisoft.viewer.window import Window, unusable
+
+    why = unusable()
+    if why:
+        print(f"tisoft: warning: no window: {why}; take the page", file=sys.stderr, flush=True)
+        return None
+    return Window(control)
+
+
+def _step(control: Controller, options: argparse.Namespace, window: Window | None) -> None:
+    """Step until a signal ends it, between two frames, or the window is closed; then complete what
+    is recorded.
+    """
     try:
         with stops.between_frames():
-            while True:
+            while window is None or window.is_open:
                 control.tick()
+                if window is not None:
+                    window.show()
                 stops.raise_if_asked()
-    except KeyboardInterrupt:
+    finally:
+        if window is not None:
+            window.close()
         _complete(control, options)
-        raise
 
 
 def _complete(control: Controller, options: argparse.Namespace) -> None:
@@ -137,7 +158,12 @@ def _tell(options: argparse.Namespace, url: str, port: int) -> None:
     shows = sys.platform in ("darwin", "win32") or any(
         os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
     )
-    if not options.no_browser and shows and not webbrowser.open(url) and not options.quiet:
+    if (
+        not (options.no_browser or options.window)
+        and shows
+        and not webbrowser.open(url)
+        and not options.quiet
+    ):
         print("no browser opened; open the address yourself")
     if not options.quiet:
         print("Ctrl-C ends it", flush=True)

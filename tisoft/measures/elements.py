@@ -16,7 +16,7 @@ ones, without viscosity.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -54,6 +54,9 @@ class CellMeasures:
         return int(np.count_nonzero(self.least_ratio <= 0.0))
 
 
+COLUMNS = tuple(field.name for field in fields(CellMeasures))
+
+
 @dataclass(frozen=True)
 class SpringMeasures:
     """Strain and tension of one body's springs, in the order of `Body.springs`, f64."""
@@ -88,6 +91,15 @@ class CellGauge:
 
     def read(self, u: NDArray[Any]) -> CellMeasures:
         """The cells' strain and stress at displacements u [m] of the body's nodes."""
+        self._measure(u)
+        return CellMeasures(*[self._column(k) for k in range(len(COLUMNS))])
+
+    def read_one(self, u: NDArray[Any], name: str) -> Floats:
+        """One field of `CellMeasures` alone."""
+        self._measure(u)
+        return self._column(COLUMNS.index(name))
+
+    def _measure(self, u: NDArray[Any]) -> None:
         if self.part.body.made_of != self._made_of:
             self._made_of = self.part.body.made_of
             self._system.parts[0].body = plain_body(self.part.body)
@@ -95,9 +107,10 @@ class CellGauge:
         self._system.set_motion(u, np.zeros_like(u))
         for launch, first, place, outs in self._reads:
             launch(first, place, *outs)
-        columns = zip(*[outs for *_, outs in self._reads], strict=True)
-        ordered = [np.concatenate(column)[self._order].astype(np.float64) for column in columns]
-        return CellMeasures(*ordered)
+
+    def _column(self, number: int) -> Floats:
+        found = np.concatenate([outs[number] for *_, outs in self._reads])[self._order]
+        return found.astype(np.float64, copy=False)
 
 
 def measure_springs(part: Part, u: Floats) -> SpringMeasures:

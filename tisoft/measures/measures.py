@@ -52,6 +52,11 @@ class Measures:
             return measure_springs(part, self._u(part))
         return self._gauge(part).read(self._u(part))
 
+    def of_cells(self, body: Body, name: str) -> Floats:
+        """One field of `CellMeasures` alone, of a body with cells, shape (cells, …)."""
+        part = self._simulation.part(body)
+        return self._gauge(part).read_one(self._u(part), name)
+
     def nodal(self, body: Body, values: Any) -> Floats:
         """Averages at nodes, shape (nodes, …), of values per cell (by volume) or spring; raises
         SceneError for another number of values.

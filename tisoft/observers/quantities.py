@@ -63,11 +63,14 @@ def _of_body(sim: Simulation, part: Part, body: Body, stress: bool, u: Floats) -
         values = np.empty(len(part.order))
         values[part.order] = mises(virial_stress(part, u))
         return values
-    told = sim.measures.elements(body)
-    if isinstance(told, SpringMeasures):
+    if part.is_springs:
+        told = sim.measures.elements(body)
+        assert isinstance(told, SpringMeasures)
         each = 100.0 * np.abs(told.strain)
+    elif stress:
+        each = sim.measures.of_cells(body, "von_mises")
     else:
-        each = told.von_mises if stress else 100.0 * mises(told.strain) * 2.0 / 3.0
+        each = 100.0 * mises(sim.measures.of_cells(body, "strain")) * 2.0 / 3.0
     return sim.measures.nodal(body, each)
 
 

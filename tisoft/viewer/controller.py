@@ -3,7 +3,7 @@
 The simulation lives in the thread that calls `Controller.tick` for ever.  Viewers post orders (from
 any thread) and read `snapshot`, the data of the latest picture; neither waits for the other.
 A snapshot is made only when somebody `wants` one, so a frame that no page shows costs nothing, and
-no more than PICTURES of the time goes into them.
+no more than PICTURES of the time goes into them where the simulation has none to spare.
 """
 
 from __future__ import annotations
@@ -39,8 +39,9 @@ TOLD_EVERY = 0.25
 """Seconds between two looks at what costs more than a glance: the limit and the warnings."""
 FEW_ELEMENTS = 4_000
 """Up to here one thread keeps real time, and a busy page on the same cores cannot stall it."""
-PICTURES = 0.07
-"""Share of the time that goes into pictures at the most, where that makes ten a second."""
+PICTURES = 0.05
+"""Share of the time that goes into pictures of a scene too heavy for real time, where that makes
+ten a second; others have time left for them."""
 SLOWEST = 0.1
 """Seconds between two pictures that somebody wants, at the most."""
 SUPERSEDED = ("material", "gravity", "speed", "range", "drag")
@@ -95,7 +96,7 @@ class Controller:
         self._finishing: Iterator[None] | None = None
         self._kept: Snapshot | None = None
         self._at_first = [list(body.pins) for body in scene.bodies], list(scene.obstacles)
-        self._next_picture = -np.inf
+        self._next_picture, self._cost = -np.inf, 0.0
         self.owns = sim is None
         """Whether the simulation is its own, to begin anew."""
         self.sim = self._begin() if sim is None else sim
@@ -119,6 +120,11 @@ class Controller:
         self._meter: collections.deque[tuple[float, float]] = collections.deque(maxlen=60)
         self._told_at = -np.inf
         self.stale = True
+
+    @property
+    def due(self) -> float:
+        """When the next frame is to be made, on `clock` [s]."""
+        return self._due
 
     @property
     def color(self) -> str:
@@ -173,8 +179,8 @@ class Controller:
         except TisoftError as error:
             made = False
             self._fail(error)
-        self.stepped()
         self._owe()
+        self.stepped()
         return made
 
     def _lead(self) -> None:
@@ -245,7 +251,8 @@ class Controller:
 
     def _publish(self) -> None:
         begun = self.clock()
-        if not self.wants or begun < self._next_picture:
+        is_idle = self._due - begun > self._cost
+        if not self.wants or (begun < self._next_picture and not is_idle):
             return
         self.wants = self.stale = False
         if begun - self._told_at > TOLD_EVERY:
@@ -257,9 +264,8 @@ class Controller:
         for notify in self.listeners:
             notify()
         now = self.clock()
-        self._next_picture = (
-            now + min((now - begun) / PICTURES, SLOWEST) if not self.paused else now
-        )
+        self._cost = now - begun
+        self._next_picture = now + (0.0 if self.paused else min(self._cost / PICTURES, SLOWEST))
 
     # -- recordings ----------------------------------------------------------------------------
 
