@@ -36,7 +36,16 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from tisoft.elements.matrices import each, hooke_blocks, top
-from tisoft.elements.pull_back import back, back_rate, pulled, pulling, pulling_rate, pushed, turns
+from tisoft.elements.pull_back import (
+    back,
+    back_rate,
+    pulled,
+    pulling,
+    pulling_rate,
+    pushed,
+    turner,
+    turns,
+)
 from tisoft.geometry.cells import SIGNS
 from tisoft.laws.base import (
     cofactor,
@@ -129,20 +138,21 @@ def hex_forces(
     H, q = kind.lift(rest, differences(u, lane), lane)
     D, dq = kind.lift(rest, differences(v, lane), lane)
     T = pulling(law, H)
+    Z = turner(law, H, T)
     k = ti.static(m.n - 10)
     V = rest[3, lane]
     z = kind.local(rest, pulled(q, T), lane)
-    dz = kind.local(rest, pulled(dq, T) + pulled(q, pulling_rate(law, H, T, D)) - q, lane)
+    dz = kind.local(rest, pulled(dq, T) + pulled(q, pulling_rate(law, T, Z, D)) - q, lane)
     Rv = kind.world(rest, hooke_of_modes(rest, lane, dz, m, k + 4), lane)
     R = kind.world(rest, hooke_of_modes(rest, lane, z, m, k), lane) + Rv
     Pv = law.viscosity.stress(H, D, m[k + 8], m[k + 9])
     P = V * (law.stress(H, m) + Pv)
     Pv = V * Pv
     if ti.static(law.is_finite):
-        P += back(law, H, T, outer(q, R))
+        P += back(law, T, Z, outer(q, R))
     if ti.static(out.n > 24):
         if ti.static(law.is_finite):
-            Pv += back(law, H, T, outer(q, Rv))
+            Pv += back(law, T, Z, outer(q, Rv))
         spread_differences(kind.drop(rest, -Pv, -pushed(Rv, T), lane), 24, lane, out)
     spread_differences(kind.drop(rest, -P, -pushed(R, T), lane), 0, lane, out)
 
@@ -171,7 +181,8 @@ def hex_product(
     H, q = kind.lift(rest, differences(u, lane), lane)
     G, dq = kind.lift(rest, differences(w, lane), lane)
     T = pulling(law, H)
-    dT = pulling_rate(law, H, T, G)
+    Z = turner(law, H, T)
+    dT = pulling_rate(law, T, Z, G)
     k = ti.static(m.n - 10)
     z = kind.local(rest, pulled(q, T), lane)
     dz = kind.local(rest, pulled(dq, T) + pulled(q, dT) - q, lane)
@@ -179,7 +190,7 @@ def hex_product(
     dR = kind.world(rest, hooke_of_modes(rest, lane, dz, m, k), lane)
     P = rest[3, lane] * law.tangent(H, G, m)
     if ti.static(law.is_finite):
-        P += back_rate(law, H, T, outer(q, R), outer(dq, R) + outer(q, dR), G)
+        P += back_rate(law, H, T, Z, outer(q, R), outer(dq, R) + outer(q, dR), G, dT)
     spread_differences(kind.drop(rest, P, pushed(dR, T) + pushed(R, dT) - R, lane), 0, lane, out)
 
 

@@ -54,20 +54,8 @@ def skewed(R, A):
 
 
 @ti.func
-def turning(R, F, a):
-    """(tr U I − U)⁻¹ a: how fast R turns, of what `skewed` tells of a change of F."""
-    U = symmetric(transposed_times(R, F))
-    C = cofactor(diagonal(U.trace()) - U)
-    Y = diagonal(U.trace()) - U
-    det = Y[0, 0] * C[0, 0] + Y[0, 1] * C[0, 1] + Y[0, 2] * C[0, 2]
-    if ti.abs(det) < 1e-12:
-        det = 1e-12 + 0.0 * det
-    return C @ a / det
-
-
-@ti.func
 def pulling(law: ti.template(), H):
-    """What amplitudes are pulled back by, less I: H, R − I, or 0 for small strains."""
+    """T."""
     T = 0.0 * H
     if ti.static(law.is_finite):
         T = H
@@ -78,45 +66,60 @@ def pulling(law: ti.template(), H):
 
 
 @ti.func
-def pulling_rate(law: ti.template(), H, T, G):
-    """Its derivative along the change G of H."""
+def turner(law: ti.template(), H, T):
+    """(tr U I − U)⁻¹: how fast R turns, of what `skewed` tells of a change of F; 0 where T is not
+    a rotation's.
+    """
+    Z = 0.0 * H
+    if ti.static(law.is_finite and turns(law)):
+        one = diagonal(0.0 * H[0, 0] + 1.0)
+        U = symmetric(transposed_times(one + T, one + H))
+        Y = diagonal(U.trace()) - U
+        C = cofactor(Y)
+        det = Y[0, 0] * C[0, 0] + Y[0, 1] * C[0, 1] + Y[0, 2] * C[0, 2]
+        if ti.abs(det) < 1e-12:
+            det = 1e-12 + 0.0 * det
+        Z = C / det
+    return Z
+
+
+@ti.func
+def pulling_rate(law: ti.template(), T, Z, G):
+    """The derivative of T along the change G of H; Z of `turner`."""
     dT = 0.0 * G
     if ti.static(law.is_finite):
         dT = G
         if ti.static(turns(law)):
-            one = diagonal(0.0 * H[0, 0] + 1.0)
-            R, F = one + T, one + H
-            dT = times(R, crossing(turning(R, F, skewed(R, G))))
+            R = diagonal(0.0 * T[0, 0] + 1.0) + T
+            dT = times(R, crossing(Z @ skewed(R, G)))
     return dT
 
 
 @ti.func
-def back(law: ti.template(), H, T, M):
+def back(law: ti.template(), T, Z, M):
     """∂/∂F of M : (I + T) [N·m]: what the pull-back adds to V P, M = Σ q_h ⊗ R_h."""
     P = 0.0 * M
     if ti.static(law.is_finite):
         P = M
         if ti.static(turns(law)):
-            one = diagonal(0.0 * H[0, 0] + 1.0)
-            R, F = one + T, one + H
-            P = times(R, crossing(turning(R, F, skewed(R, M))))
+            R = diagonal(0.0 * T[0, 0] + 1.0) + T
+            P = times(R, crossing(Z @ skewed(R, M)))
     return P
 
 
 @ti.func
-def back_rate(law: ti.template(), H, T, M, dM, G):
-    """The derivative of `back` along the change G of H, which changes M by dM."""
+def back_rate(law: ti.template(), H, T, Z, M, dM, G, dT):
+    """The derivative of `back` along the change G of H, which changes M by dM and T by dT."""
     P = 0.0 * M
     if ti.static(law.is_finite):
         P = dM
         if ti.static(turns(law)):
             one = diagonal(0.0 * H[0, 0] + 1.0)
             R, F = one + T, one + H
-            dR = pulling_rate(law, H, T, G)
-            y = turning(R, F, skewed(R, M))
-            dU = symmetric(transposed_times(dR, F) + transposed_times(R, G))
-            left = skewed(dR, M) + skewed(R, dM) - (dU.trace() * y - dU @ y)
-            P = times(dR, crossing(y)) + times(R, crossing(turning(R, F, left)))
+            y = Z @ skewed(R, M)
+            dU = symmetric(transposed_times(dT, F) + transposed_times(R, G))
+            left = skewed(dT, M) + skewed(R, dM) - (dU.trace() * y - dU @ y)
+            P = times(dT, crossing(y)) + times(R, crossing(Z @ left))
     return P
 
 
