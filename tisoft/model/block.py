@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import taichi as ti
 
 from tisoft import runtime
+from tisoft.model.placing import placer
 
 A = ti.types.ndarray()
 
@@ -37,13 +38,7 @@ class Block:
         self.points, self.known = self.element.points, self.element.known
         corners, numbers, lanes = self.element.corners, self.element.numbers, self.lanes
         self.corners = corners
-        builder = ti.FieldsBuilder()
-
-        def field(kind: Any, count: str, *more: int) -> Any:
-            made = ti.field(kind)
-            shape = (rows[count], *more)
-            builder.dense([ti.i, ti.ij, ti.ijk][len(shape) - 1], shape).place(made)
-            return made
+        builder, field = placer(rows)
 
         self.cells = field(ti.i32, "batches", corners, lanes)
         """Nodes of the corners."""

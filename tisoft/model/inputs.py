@@ -6,11 +6,12 @@ component of a pin's velocity), written before the launch.  A node has a row for
 acts on it, which says which signals it follows.
 """
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import taichi as ti
 
 from tisoft import runtime
+from tisoft.model.placing import placer
 
 LOAD, TORQUE, PRESSURE, PATH, TURN, GRAVITY = range(6)
 """Kinds of rows: force `along` times a signal; share `along[0]` of torque `target`; pressure row
@@ -47,13 +48,7 @@ class Inputs:
         self.serial = runtime.on_cpu()
         self.real, self.wide = real, wide
         near, far = ti.types.vector(3, real), ti.types.vector(3, wide)
-        builder = ti.FieldsBuilder()
-
-        def field(kind: Any, count: str, *more: int) -> Any:
-            made = kind.field() if hasattr(kind, "field") else ti.field(kind)
-            shape = (rows[count], *more)
-            builder.dense([ti.i, ti.ij][len(shape) - 1], shape).place(made)
-            return made
+        builder, field = placer(rows)
 
         self.start = field(ti.i32, "nodes")
         """Where a node's rows begin."""

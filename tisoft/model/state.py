@@ -6,11 +6,12 @@ here in the scene's precision.  A body at 10 km from the world's origin computes
 digits as one at 0.  Bodies are ranges of nodes; within a body nodes follow a Morton curve.
 """
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import taichi as ti
 
 from tisoft import runtime
+from tisoft.model.placing import placer
 
 CHUNK = 1024
 """Nodes whose energies are added up one after the other: sums do not depend on threads."""
@@ -82,14 +83,7 @@ class State:
         self.numpy_real, self.real = runtime.real_type(structure)
         real, wide = self.real, ti.f64 if runtime.has_f64() else ti.f32
         vec3 = ti.types.vector(3, real)
-        builder = ti.FieldsBuilder()
-
-        def field(kind: Any, count: str, *more: int) -> Any:
-            made = kind.field() if hasattr(kind, "field") else ti.field(kind)
-            shape = (rows[count], *more)
-            axes = [ti.i, ti.ij, ti.ijk][len(shape) - 1]
-            builder.dense(axes, shape).place(made)
-            return made
+        builder, field = placer(rows)
 
         # A row a node (and one more a scene, where the last node's copies end):
         self.rest = field(vec3, "nodes")
