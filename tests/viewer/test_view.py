@@ -282,7 +282,10 @@ def test_a_script_owns_the_loop_and_a_run_can_be_watched():
 @pytest.mark.parametrize(
     "message",
     [
-        None, [], {}, {"do": "__init__"}, {"do": "drop", "more": 1}, {"do": "speed"},
+        None, [], {}, {"do": "__init__"}, {"do": ["drop"]}, {"do": "speed", "value": 10**400},
+        {"do": "record", "on": True, "kind": "../x"}, {"do": "range", "value": 0},
+        {"do": "obstacle", "obstacle": -1, "point": [0, 0, 0], "number": 1},
+        {"do": "drop", "more": 1}, {"do": "speed"},
         {"do": "speed", "value": float("nan")}, {"do": "speed", "value": "1"},
         {"do": "pause", "on": 1}, {"do": "color", "name": "red"}, {"do": "gravity", "value": 1e9},
         {"do": "material", "body": 0, "name": "density", "value": 1.0},

@@ -221,7 +221,7 @@ class Stepper:
         self.system.order("orders", columns.TASK, columns.MOVE)
 
     def compile(self) -> None:
-        """Compile the kernel by a launch of no substep."""
+        """Compile the kernels by a launch of no substep."""
         self.system.order("orders", columns.FIRST, 0)
         self.system.order("orders", columns.LAST, 0)
         for _ in range(2 if self.pace.most > 1 else 1):
@@ -229,6 +229,9 @@ class Stepper:
             begun = time.perf_counter()
             self._advance(self.system.scene)
             self._call = time.perf_counter() - begun
+        touching = self.rules.touching
+        if touching is not None and touching.is_stale(self.pace.most):
+            self._search(self.system.scene)
 
     def _tries(self) -> bool:
         return self.fixed is None and self.pace.is_trial()

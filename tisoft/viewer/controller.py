@@ -44,7 +44,7 @@ PICTURES = 0.05
 ten a second; others have time left for them."""
 SLOWEST = 0.1
 """Seconds between two pictures that somebody wants, at the most."""
-SUPERSEDED = ("material", "gravity", "speed", "range", "drag")
+SUPERSEDED = ("material", "gravity", "speed", "range", "drag", "reset")
 """Orders of which the last counts where several wait: what sliders and mice send."""
 
 

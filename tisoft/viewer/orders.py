@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any
 
@@ -21,8 +20,8 @@ def _number(lo: float, hi: float) -> Callable[[Any], float]:
     def check(value: Any) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise BadOrder(f"{str(value)[:40]!r} is not a number")
-        if not (math.isfinite(value) and lo <= value <= hi):
-            raise BadOrder(f"{value:g} is not between {lo:g} and {hi:g}")
+        if not lo <= value <= hi:  # nor is what is not a number; an int may be beyond all floats
+            raise BadOrder(f"{str(value)[:40]} is not between {lo:g} and {hi:g}")
         return float(value)
 
     return check
@@ -95,12 +94,13 @@ ORDERS: dict[str, dict[str, Callable[[Any], Any]]] = {
 
 def checked(message: Any) -> dict[str, Any]:
     """The order in a message, each part of it checked; raises BadOrder."""
-    if not isinstance(message, dict) or message.get("do") not in ORDERS:
+    do = message.get("do") if isinstance(message, dict) else None
+    if not isinstance(do, str) or do not in ORDERS:
         raise BadOrder("there is no such order")
-    parts = ORDERS[message["do"]]
+    parts = ORDERS[do]
     if set(message) != {"do", *parts}:
-        raise BadOrder(f"{message['do']} takes {', '.join(parts) or 'nothing'}")
-    order: dict[str, Any] = {"do": message["do"]}
+        raise BadOrder(f"{do} takes {', '.join(parts) or 'nothing'}")
+    order: dict[str, Any] = {"do": do}
     for name, check in parts.items():
         order[name] = check(message[name])
     if "rows" in order:

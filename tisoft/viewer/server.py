@@ -138,7 +138,10 @@ class Server:
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """A file, a refusal, or None: go on as a websocket."""
-        address = urlsplit(request.path)
+        try:
+            address = urlsplit(request.path)
+        except ValueError:
+            return connection.respond(http.HTTPStatus.BAD_REQUEST, "That is no address.\n")
         is_socket = request.headers.get("Upgrade", "").lower() == "websocket"
         if address.path == "/" or is_socket:
             key = parse_qs(address.query).get("key", [""])[0]
