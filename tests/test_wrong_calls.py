@@ -223,7 +223,6 @@ def test_a_wrong_call_is_told_in_a_sentence_and_takes_nothing(world, call):
 
 
 CHANGES = {
-    "scene.frame_rate = 30": "frame_rate",
     "scene.integrator = 'velocity-verlet'": "integrator",
     "scene.precision = 'f64'": "precision",
     "scene.start = 'half-step'": "start",
@@ -266,6 +265,24 @@ def test_a_change_that_is_not_followed_is_refused_by_name(world, change):
     assert state(world) == before
     sim.step()
     sim.set_state(world["X"], 0 * world["X"])
+
+
+def test_another_frame_rate_goes_on_from_the_present_time(world, tmp_path):
+    scene, sim = world["scene"], world["sim"]
+    frame, begun = sim.frame, sim.time
+    scene.frame_rate = 240.0
+    sim.step()
+    sim.run(0.05)
+    assert sim.frame == frame + 13
+    assert sim.time == pytest.approx(begun + 13 / 240, rel=1e-12)
+    sim.save(tmp_path / "on.npz")
+    other = ts.Simulation.load(tmp_path / "on.npz")
+    for one in (sim, other):
+        one.step()
+    assert sim.time == other.time and (sim.positions() == other.positions()).all()
+    scene.frame_rate = 60.0
+    sim.step()
+    assert sim.time == pytest.approx(begun + 14 / 240 + 1 / 60, rel=1e-12)
 
 
 def test_the_table_calls_all_public_names():

@@ -1,8 +1,8 @@
 """What of a scene may change while a simulation of it runs, and what is refused by its name.
 
-Followed from the next frame on: gravity, duration, step, checkpoint_every, obstacles; a body's
-model and regions (their numbers), pins and loads.  Camera and render are read when a picture is
-made.  All else needs arrays, times or kernels that a simulation has already chosen.
+Followed from the next frame on: gravity, duration, frame_rate, step, checkpoint_every, obstacles; a
+body's model and regions (their numbers), pins and loads.  Camera and render are read when a picture
+is made.  All else needs arrays, times or kernels that a simulation has already chosen.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from tisoft.body import Body
 from tisoft.checks import FieldError, shown
 from tisoft.scene import Scene
 
-OF_SCENE = ("frame_rate", "integrator", "start", "precision")
+OF_SCENE = ("integrator", "start", "precision")
 OF_BODY = ("name", "velocity", "spin", "contact", "self_contact", "thickness", "friction")
 PARTS = {"body": "bodies", "probe": "probes", "no_contact": "no_contact"}
 """Lists of which nothing is added or taken away, by what a member is called."""

@@ -158,7 +158,7 @@ class Motion(Present):
             Diverged: when no step carries the frame; the state is then the last good one.
         """
         self.refresh()
-        end = (self.frame + 1) / self.scene.frame_rate
+        end = self.time_of(self.frame + 1)
         stops = self._releases_before(end)
         for stop in stops:
             self._go_to(stop, stop - self.time)
@@ -248,7 +248,7 @@ class Motion(Present):
                 record[0, RUNNING] = self.account.sums()
         self.steps += [h] * made
         self.frame += made
-        self.time = self.frame / self.scene.frame_rate
+        self.time = self.time_of(self.frame)
         self._looked(made * count)
         self.wall_seconds += _stepping_clock() - begun
         return list(records)

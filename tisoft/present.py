@@ -4,6 +4,7 @@ the caller changes between frames.
 
 from __future__ import annotations
 
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -65,6 +66,9 @@ class Present:
         self.certify = certify
         self.time = 0.0
         self.frame = 0
+        self._rate = scene.frame_rate
+        self.origin = (0, 0.0)
+        """Frame and time [s] from which on frames have the present frame rate."""
         self.substeps = 0
         self.steps: list[float] = []
         self.recoveries: list[Recovery] = []
@@ -276,6 +280,8 @@ class Present:
             FieldError: what cannot change while it runs, or is impossible; nothing is taken then.
         """
         self._check_changes()
+        if self.scene.frame_rate != self._rate:
+            self._rate, self.origin = self.scene.frame_rate, (self.frame, self.time)
         made_of = [body.made_of for body in self.scene.bodies]
         changed, shaken = made_of != self._made_of, self.scene.gravity != self._given_gravity
         others = changed or shaken
@@ -323,6 +329,11 @@ class Present:
             if part.body is not body:  # with its damping ratio turned; else the same
                 part.body.pins, part.body.loads = body.pins, body.loads
 
+    def time_of(self, frame: int) -> float:
+        """When a frame from now on, or of those just made, ends [s]."""
+        first, since = self.origin
+        return since + (frame - first) / self.scene.frame_rate
+
     def _has_other_obstacles(self) -> bool:
         now, known = self.scene.obstacles, self._obstacles
         return len(now) != len(known) or any(a is not b for a, b in zip(now, known, strict=True))
@@ -349,7 +360,13 @@ class Present:
     def _reread(self) -> None:
         """Take the bodies' materials; all of them, or none."""
         parts = self.system.parts
-        before = [part.body for part in parts]
+        before = []
+        for part, body, made_of in zip(parts, self.scene.bodies, self._made_of, strict=True):
+            old = part.body
+            if old is body:  # whose model is the new one already
+                old = copy(body)
+                old.model, old.regions = made_of[0], list(made_of[1:])
+            before.append(old)
         bodies = []
         for k, body in enumerate(self.scene.bodies):
             with inside(f"body[{k}]"):

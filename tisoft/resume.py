@@ -16,7 +16,7 @@ from tisoft.stable.guard import Recovery
 
 COUNTERS = (
     "time", "frame", "substeps", "since_look", "next_look", "wall_seconds", "half_step_lag",
-    "pushes", "meets",
+    "pushes", "meets", "origin",
 )  # fmt: skip
 ARRAYS = ("u", "v", "held", "drive", "load", "pressed")
 """The nodes' state; the last four, of the frame just made, tell reactions and velocities."""
@@ -75,7 +75,7 @@ def put(simulation: Motion, content: Any, arrays: dict[str, NDArray[Any]]) -> No
     system.set_loads(arrays["load"])
     system.set_pressed(arrays["pressed"])
     for name in COUNTERS:
-        setattr(simulation, name, content["numbers"][name])
+        setattr(simulation, name, content["numbers"].get(name, getattr(simulation, name)))
     simulation.gravity_now = gravity_at(simulation.scene.gravity, simulation.time)
     simulation.steps = arrays["steps"].tolist()
     simulation.recoveries = [Recovery(**recovery) for recovery in content["recoveries"]]

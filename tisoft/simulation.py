@@ -67,7 +67,7 @@ class Simulation(Motion):
 
     Args:
         scene: or the name of a scene file.  It is read again between frames: gravity, step,
-            materials, pins, loads and obstacles may change, all else is refused (`followed`).
+            frame rate, materials, pins, loads and obstacles may change; all else is refused.
         arch: "cpu", "cuda", "metal", "vulkan" or "auto".
         precision: "f32" or "f64"; left out, the scene's.
         certify: False takes any step and checks nothing: to show how things fail.
@@ -270,8 +270,7 @@ class Simulation(Motion):
 
     def told(self, index: int, record: Floats) -> Frame:
         """A frame of those just made together: the last is the present one."""
-        time = index / self.scene.frame_rate
-        return Frame(self, index, time, record if index < self.frame else None)
+        return Frame(self, index, self.time_of(index), record if index < self.frame else None)
 
     # -- checkpoints ---------------------------------------------------------------------------
 
