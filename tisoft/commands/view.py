@@ -76,9 +76,10 @@ def execute(options: argparse.Namespace) -> int:
     runtime.import_taichi()
     from tisoft.viewer.controller import Controller
     from tisoft.viewer.recording import checked_place
-    from tisoft.viewer.server import Server
+    from tisoft.viewer.server import Server, check_port
 
     place = checked_place(options.record) if options.record else None  # told before it compiles
+    check_port(options.host, options.port)
     control = Controller(scene, arch=options.arch, color=scene.render.color, speed=options.speed)
     server = Server(control, host=options.host, port=options.port)
     try:

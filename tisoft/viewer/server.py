@@ -62,6 +62,11 @@ def free_port(host: str, first: int) -> int:
     return 0
 
 
+def check_port(host: str, port: int) -> None:
+    """Raise SceneError where the port cannot be served now; before a scene is made ready for it."""
+    _bound(host, port).close()
+
+
 def packed(shot: Snapshot) -> bytes:
     """A picture as it travels."""
     head = struct.pack(
