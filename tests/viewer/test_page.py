@@ -1,6 +1,7 @@
 """The page in a real Chromium, driven as a user would: skipped, with the reason, where none is."""
 
-import threading
+import functools
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -39,39 +40,57 @@ def control():
 @pytest.fixture(scope="module")
 def page(control):
     api = pytest.importorskip("playwright.sync_api", reason="the package playwright is missing")
-    server, end = Server(control, port=0), threading.Event()
+    server, hands = Server(control, port=0), ThreadPoolExecutor(1)
 
-    def simulate():
-        while not end.is_set():
+    def drive(work):
+        """Let another thread do the browser's work: Taichi's kernels stay in this one."""
+        future = hands.submit(work)
+        while not future.done():
             control.tick()
+        return future.result()
 
-    thread = threading.Thread(target=simulate)
-    with api.sync_playwright() as driver:
-        try:
-            browser = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        except api.Error as error:
-            server.close()
-            pytest.skip(f"no {CHROMIUM} to drive: {str(error).splitlines()[0]}")
-        thread.start()
-        try:
-            opened = browser.new_page(viewport={"width": 800, "height": 500})
-            opened.asked, opened.wrong = [], []
-            opened.on("request", lambda request: opened.asked.append(request.url))
-            opened.on("pageerror", lambda error: opened.wrong.append(str(error)))
-            opened.goto(f"{server.url}&plain")
-            opened.wait_for_function("window.tisoft && tisoft.drawn > 3", timeout=60_000)
-            yield opened
-            browser.close()
-        finally:
-            end.set()
-            thread.join()
-            server.close()
+    driver = drive(lambda: api.sync_playwright().start())
+    try:
+        opened = drive(lambda: opened_page(driver, server.url))
+        opened.drive = drive
+        yield opened
+        drive(opened.context.browser.close)
+    except api.Error as error:
+        if "launch" not in str(error):
+            raise
+        pytest.skip(f"no {CHROMIUM} to drive: {str(error).splitlines()[0]}")
+    finally:
+        drive(driver.stop)
+        hands.shutdown()
+        server.close()
+
+
+def opened_page(driver, url):
+    browser = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+    opened = browser.new_page(viewport={"width": 800, "height": 500})
+    opened.asked, opened.wrong = [], []
+    opened.on("request", lambda request: opened.asked.append(request.url))
+    opened.on("pageerror", lambda error: opened.wrong.append(str(error)))
+    opened.goto(f"{url}&plain")
+    opened.wait_for_function("window.tisoft && tisoft.drawn > 3", timeout=60_000)
+    return opened
+
+
+def driven(test):
+    """A test whose body drives the browser while this thread simulates."""
+
+    @functools.wraps(test)
+    def run(**fixtures):
+        fixtures["page"].drive(functools.partial(test, **fixtures))
+
+    return run
 
 
 def until(page, condition):
     page.wait_for_function(condition, timeout=20_000)
 
 
+@driven
 def test_the_page_pauses_steps_slides_turns_and_resets(page, control):
     page.keyboard.press(" ")
     until(page, "tisoft.status.paused")
@@ -109,6 +128,7 @@ def test_the_page_pauses_steps_slides_turns_and_resets(page, control):
     until(page, "!tisoft.status.paused && tisoft.time > 0.1")
 
 
+@driven
 def test_the_page_comes_back_after_a_lost_connection(page):
     page.evaluate("tisoft.socket.close()")
     until(page, "!tisoft.connected")
@@ -117,6 +137,7 @@ def test_the_page_comes_back_after_a_lost_connection(page):
     until(page, f"tisoft.received > {before} + 2")
 
 
+@driven
 def test_a_sphere_is_carried_while_all_is_recorded(page, control, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     page.select_option("#kind", "html")
@@ -145,11 +166,13 @@ def test_a_sphere_is_carried_while_all_is_recorded(page, control, monkeypatch, t
     film.close()
 
 
+@driven
 def test_nothing_is_asked_from_the_network_and_nothing_fails(page):
     assert page.asked and all(url.startswith(HERE) for url in page.asked)
     assert not page.wrong
 
 
+@driven
 def test_a_dragged_point_is_where_the_mouse_is(page, control):
     page.wait_for_timeout(500)
     x, y = page.evaluate(SPOT, [0.9, 0.1, 0.3])
