@@ -19,6 +19,7 @@ import time
 from pathlib import Path
 
 import meshio
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -26,7 +27,7 @@ from hypothesis import strategies as st
 from tisoft import runtime, scene_mesh
 from tisoft.check import report
 from tisoft.cli import COMMANDS, main
-from tisoft.geometry.shapes import box
+from tisoft.geometry.shapes import ball, box
 
 LONGEST = 10.0
 """Seconds of the processor that a check of a tiny scene may take, compiling left out."""
@@ -35,6 +36,7 @@ MEMORY = 2**29
 AFFORDABLE = 3000
 """Substeps that a run of the fuzz may take."""
 
+THOROUGH = int(os.environ.get("TISOFT_THOROUGH", "1"))
 HOSTILE = [
     *(0, -1, 1, 2, 3, 2**31, 2**63, 10**400, -(10**19)),
     *(0.0, -0.0, 5e-324, 1e-300, 1e-90, 1e-30, 1e-7, 0.3, 0.5, 1e7, 1e30, 1e90, 1e100, 1.1e100),
@@ -54,6 +56,15 @@ MESHES = [
     {"ball": {"radius": 0.5, "resolution": 1}, "rotate": [10, 20, 30]},
     {"cylinder": {"radius": 0.5, "height": 1.0, "resolution": 1}, "translate": [0, 1, 0]},
     {"file": "brick.vtu"},
+    {"file": "brick.vtu", "merge": True, "units": "m"},
+]
+SOLIDS = [
+    {"box": {"size": [1.0, 0.5, 0.5], "cells": [2, 1, 1], "split": "hex"}},
+    {"box": {"size": [1.0, 0.5, 0.5], "cells": [1, 1, 1]}, "element": "tet10"},
+    {"box": {"size": [1.0, 0.5, 0.5], "cells": [2, 1, 1]}, "cage": {"size": 0.3}},
+    {"file": "ball.stl", "cage": {"cells_across": 2}, "scale": 1.5},
+    {"ball": {"radius": 0.5, "resolution": 1, "split": "hex"}, "translate": [0, 0.4, 0]},
+    {"box": {"size": [1.0, 0.5, 0.5], "cells": [1, 1, 1]}, "refine": 1},
 ]
 NETS = [
     {"cloth": {"size": [1.0, 1.0], "cells": [2, 2], "diagonals": True}},
@@ -80,6 +91,24 @@ OBSTACLES = [
     {"sphere": {"center": [0, -1, 0], "radius": 0.5}},
     {"box": {"center": [0, -1, 0], "size": [1, 1, 1]}, "friction": 0.2},
 ]
+MOVING = [
+    {"plane": {"point": [0, -0.1, 0], "normal": [0, 1, 0]}, "velocity": [0.5, 0.1, 0]},
+    {"sphere": {"center": [0, -0.6, 0], "radius": 0.5}, "path": [[0, 0, 0, 0], [1, 0, 0.5, 0]]},
+    {"plane": {}, "turn": {"point": [0, 0, 0], "axis": [0, 0, 1], "rate": 1.0}, "friction": 0.3},
+    {"box": {"center": [0, -1, 0], "size": [1, 1, 1]}, "velocity": [0, 1, 0]},
+    {"capsule": {"from": [-1, -0.3, 0], "to": [1, -0.3, 0], "radius": 0.2}},
+    {"cylinder": {"from": [0, -0.5, -1], "to": [0, -0.5, 1], "radius": 0.4}, "friction": 0.1},
+    {"file": "ball.stl", "translate": [0, -1, 0]},
+]
+REGIONS = [{"name": "1", "young": 2e5}, {"tag": 1, "density": 500.0, "eta": 1.0}]
+MORE = {
+    "region": [[], [], [REGIONS[0]], [REGIONS[1]]],
+    "friction": [0.3, 0.0, 2.0],
+    "thickness": [0.01, 0.1],
+    "contact": [False],
+}
+"""Keys of a body that need no kernel of its own."""
+SHAKES = [[0, 0, -9.81, 0], [0.01, 5, -9.81, 0], [0.02, 0, -9.81, 0]]
 VISCOUS = {**SOLID, "phi": 5.0, "eta": 5.0}
 NET = {"model": "mass-spring", "stiffness": 100.0, "node_mass": 0.01, "spring_damping": 0.1}
 LATTICE = {"model": "mass-spring", "young": 1e5, "density": 1000.0}
@@ -100,6 +129,9 @@ PROFILES = [
     ({"material": "rubber"}, MESHES[:2], [], []),
     (RATIO, MESHES, [], OBSTACLES),
     (LAME, MESHES, LOADS[4:], []),
+    ({"model": "viscoelastic", **VISCOUS}, SOLIDS, LOADS, [*OBSTACLES, *MOVING]),
+    ({"model": "neo-hookean", **SOLID, "self_contact": True}, SOLIDS, LOADS, MOVING),
+    ({**NET, "thickness": 0.02, "self_contact": True}, NETS, [], MOVING),
 ]
 SETTINGS = {
     "gravity": [0.0, -9.81, 0.0],
@@ -156,9 +188,15 @@ def scenes(draw, profiles):
             body["springs"] = [[0, 1], [1, 2, 50.0], [0, 2, 50.0, 0.4]]
         body["pin"] = draw(st.lists(st.sampled_from(PINS), max_size=2))
         body["load"] = [draw(st.sampled_from(loads))] if loads else []
+        if THOROUGH > 1 and draw(st.booleans()):
+            key = draw(st.sampled_from(list(MORE)))
+            body[key] = draw(st.sampled_from(MORE[key]))
         scene["body"].append(body)
     scene["obstacle"] = [draw(st.sampled_from(obstacles))] if obstacles else []
     scene["probe"] = [{"name": "p", "body": "b0", "point": [1.0, 0.0, 0.0]}]
+    if THOROUGH > 1 and draw(st.booleans()):  # what is driven needs kernels of its own
+        scene["gravity"] = draw(st.sampled_from([SHAKES, SHAKES[:1], SHAKES[::-1]]))
+        scene["no_contact"] = [{"bodies": ["b0", "b1"]}] if len(scene["body"]) > 1 else []
     scene = copy.deepcopy(scene)
     for _ in range(draw(st.integers(0, 4))):
         change(draw, scene)
@@ -227,7 +265,12 @@ class Laboratory:
         self.scene = self.home / "scene.toml"
         self.out = self.home / "out"
         mesh = box((1.0, 0.5, 0.5), (2, 1, 1))
-        meshio.Mesh(mesh.points, [("tetra", mesh.tets)]).write(self.home / "brick.vtu")
+        parts = {"MaterialIds": [np.arange(mesh.elements) % 2]}
+        brick = meshio.Mesh(mesh.points, [("tetra", mesh.tets)], cell_data=parts)
+        brick.write(self.home / "brick.vtu")
+        whole = ball(0.5, 1)
+        with contextlib.redirect_stdout(io.StringIO()):
+            meshio.Mesh(whole.points, [("triangle", whole.surface)]).write(self.home / "ball.stl")
 
     def try_scene(self, text):
         self.scene.write_text(text, encoding="utf-8")
@@ -256,7 +299,7 @@ class Laboratory:
         home = Path("a", "b", "home")
         names = ("summary.json", "probes.csv", "energy.csv", "checkpoint.npz", "tisoft.json")
         known = {Path("a"), Path("a", "b"), home, home / "out", home / "scene.toml"}
-        known |= {home / "brick.vtu", *(home / "out" / name for name in names)}
+        known |= {home / "brick.vtu", home / "ball.stl", *(home / "out" / name for name in names)}
         assert everything <= known
 
 
@@ -270,7 +313,6 @@ def laboratory(tmp_path_factory):
     patch.undo()
 
 
-THOROUGH = int(os.environ.get("TISOFT_THOROUGH", "1"))
 FULL = settings(
     max_examples=40 if THOROUGH == 1 else 500 * THOROUGH,
     deadline=None,
@@ -410,7 +452,7 @@ def try_line(laboratory, monkeypatch, line):
     assert code in (0, 2, 3), (code, error)
     assert "Traceback" not in error
     for path in laboratory.home.iterdir():
-        if path.name not in ("scene.toml", "brick.vtu"):
+        if path.name not in ("scene.toml", "brick.vtu", "ball.stl"):
             shutil.rmtree(path) if path.is_dir() else path.unlink()
     assert {path.name for path in laboratory.root.iterdir()} == {"a"}
 

@@ -789,3 +789,12 @@ def test_damaged_scene_files_load_or_tell(tmp_path_factory, data):
 def test_random_overrides_load_or_tell(tmp_path_factory, small_meshes_only, override):
     path = Path(tmp_path_factory.getbasetemp()) / "override.toml"
     loads_or_tells(path, BEAM, [override])
+
+
+def test_an_obstacle_file_is_read_from_beside_the_scene_and_moves(tmp_path):
+    off = "OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n"
+    (tmp_path / "bowl.off").write_text(off)
+    obstacle = '[[obstacle]]\nfile = "bowl.off"\npath = [[0, 0, 0, 0], [1, 0, 1, 0]]\nscale = 2.0\n'
+    (tmp_path / "scene.toml").write_text(BEAM + obstacle)
+    (shell,) = load_scene(tmp_path / "scene.toml").obstacles
+    assert shell.points.max() == 2.0 and shell.path[1] == (1.0, 0.0, 1.0, 0.0)

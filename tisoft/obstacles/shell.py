@@ -121,6 +121,7 @@ class Shell:
 
 def read_shell(
     path: str | os.PathLike[str],
+    /,
     *,
     scale: float = 1.0,
     rotate: Sequence[float] = (0.0, 0.0, 0.0),
