@@ -796,5 +796,5 @@ def test_an_obstacle_file_is_read_from_beside_the_scene_and_moves(tmp_path):
     (tmp_path / "bowl.off").write_text(off)
     obstacle = '[[obstacle]]\nfile = "bowl.off"\npath = [[0, 0, 0, 0], [1, 0, 1, 0]]\nscale = 2.0\n'
     (tmp_path / "scene.toml").write_text(BEAM + obstacle)
-    (shell,) = load_scene(tmp_path / "scene.toml").obstacles
+    *_, shell = load_scene(tmp_path / "scene.toml").obstacles
     assert shell.points.max() == 2.0 and shell.path[1] == (1.0, 0.0, 1.0, 0.0)
