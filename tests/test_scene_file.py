@@ -533,7 +533,7 @@ def test_files_that_cannot_be_read(tmp_path):
     for path, message in (
         (tmp_path / "no.toml", "no.toml is not found"),
         (tmp_path, "is a folder; name a scene file"),
-        ("a\0b", "cannot be read"),
+        ("a\0b", "must be the name of a scene file"),
         ("x" * 5000, "cannot be read: File name too long"),
         ("/dev/zero", "is larger than 16 MB"),
     ):
