@@ -17,9 +17,6 @@ from numpy.typing import NDArray
 
 from tisoft.body import Body
 from tisoft.obstacles.box import Box
-from tisoft.obstacles.capsule import Capsule
-from tisoft.obstacles.cylinder import Cylinder
-from tisoft.obstacles.sphere import Sphere
 from tisoft.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -73,11 +70,10 @@ def _radii(edges: Floats, longest: Floats) -> Floats:
 
 def radius_of(obstacle: Any) -> float | None:
     """r [m]; None for what fits nowhere, as a plane, or what nodes never meet."""
-    if isinstance(obstacle, (Sphere, Capsule, Cylinder)):
-        return obstacle.radius
-    if isinstance(obstacle, Box):
-        return 0.5 * sorted(obstacle.size)[1]
-    return None
+    core = obstacle.core()
+    if core is not None:
+        return float(core.radius)
+    return 0.5 * sorted(obstacle.size)[1] if isinstance(obstacle, Box) else None
 
 
 def gap_warnings(scene: Scene) -> Iterator[str]:

@@ -4,6 +4,8 @@ the caller changes between frames.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from copy import copy
 from typing import Any
 
@@ -286,14 +288,12 @@ class Present:
         changed, shaken = made_of != self._made_of, self.scene.gravity != self._given_gravity
         others = changed or shaken
         if others:
-            before = self._stored() if self.account is not None else 0.0
-            if changed:
-                self._reread()
-                self._made_of = made_of
-            self._given_gravity = self.scene.gravity
-            self.gravity_now = gravity_at(self.scene.gravity, self.time)
-            if self.account is not None:
-                self.account.external_work += self._stored() - before
+            with self._as_external_work():
+                if changed:
+                    self._reread()
+                    self._made_of = made_of
+                self._given_gravity = self.scene.gravity
+                self.gravity_now = gravity_at(self.scene.gravity, self.time)
         if self._has_other_obstacles():
             known, asked = self._obstacles, tuple(self.scene.obstacles)
             self._obstacles = asked
@@ -341,10 +341,16 @@ class Present:
     def shake(self, end: float) -> None:
         """Take the gravity of the end of a stretch [s]: the work of that is external."""
         if self.shakes:
-            before = self._stored() if self.account is not None else 0.0
-            self.gravity_now = gravity_at(self.scene.gravity, end)
-            if self.account is not None:
-                self.account.external_work += self._stored() - before
+            with self._as_external_work():
+                self.gravity_now = gravity_at(self.scene.gravity, end)
+
+    @contextmanager
+    def _as_external_work(self) -> Iterator[None]:
+        """Book what the block gives to the stored energy as work from outside."""
+        before = self._stored() if self.account is not None else 0.0
+        yield
+        if self.account is not None:
+            self.account.external_work += self._stored() - before
 
     def _is_loaded(self) -> bool:
         return self.loading.acts or self.shakes or bool(self.hands.held)

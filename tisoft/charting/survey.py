@@ -27,6 +27,7 @@ from tisoft.charting.records import Bench, places_of
 from tisoft.charting.rulers import OWN_SPRINGS, TWIN, pairs_of, ruler_of
 from tisoft.charting.variants import CURRENT, Catalogue, Variant
 from tisoft.errors import SceneError
+from tisoft.gravity import strongest
 from tisoft.scene import Scene
 from tisoft.where import Nodes
 
@@ -370,7 +371,7 @@ class Survey:
     def pushed(self) -> bool:
         """Whether there is any load: a body that nothing pushes has no sag to miss."""
         loads = any(body.loads for body in self.scene.bodies)
-        return loads or any(self.scene.gravity)
+        return loads or strongest(self.scene.gravity) > 0.0
 
     def _first_error(self) -> float | None:
         now = self._judge(self.catalogue.current)

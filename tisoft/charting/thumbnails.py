@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tisoft.observers.framing import up_of
 from tisoft.scene import Scene
 from tisoft.study import pictures
 
@@ -90,10 +91,8 @@ def _around(nodes: int) -> list[int]:
 
 
 def _view(scene: Scene) -> tuple[Floats, Floats, Floats]:
-    """Right, up and toward the eye, with up against gravity."""
-    gravity = np.asarray(scene.gravity, np.float64)
-    size = float(np.linalg.norm(gravity))
-    up = -gravity / size if size > 0.0 else np.array([0.0, 1.0, 0.0])
+    """Right, up and toward the eye."""
+    up = up_of(scene)
     points = np.concatenate([body.mesh.points for body in scene.bodies])
     extent = np.ptp(points, axis=0) * (1.0 - np.abs(up))
     along = np.zeros(3)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
+from typing import Any
 
 from tisoft import runtime
 from tisoft.bench import MODELS, SIZES, as_text, compile_seconds, measure
@@ -67,11 +69,7 @@ def execute(options: argparse.Namespace) -> int:
                 print(f"{model}, size {size} …", file=sys.stderr)
             row = measure(size, model, seconds=options.seconds, **machine)
             rows.append(row | {"compile_seconds": compiled})
-    if options.json:
-        print(as_json({"status": "done", "cores": runtime.threads(), "results": rows}))
-    elif not options.quiet:
-        print(as_text(rows))
-    return 0
+    return _tell(options, rows, as_text, cores=runtime.threads())
 
 
 def _view(options: argparse.Namespace) -> int:
@@ -82,11 +80,7 @@ def _view(options: argparse.Namespace) -> int:
         bench_view.measure(size, seconds=options.seconds, arch=options.arch)
         for size in bench_view.SIZES
     ]
-    if options.json:
-        print(as_json({"status": "done", "cores": runtime.threads(), "results": rows}))
-    elif not options.quiet:
-        print(bench_view.as_text(rows))
-    return 0
+    return _tell(options, rows, bench_view.as_text, cores=runtime.threads())
 
 
 def _accuracy(options: argparse.Namespace) -> int:
@@ -99,12 +93,8 @@ def _accuracy(options: argparse.Namespace) -> int:
             if not options.quiet and sys.stderr.isatty():
                 print(f"{element}, {'x'.join(str(n) for n in cells)} cells …", file=sys.stderr)
             rows.append(bench_accuracy.measure(element, cells, arch=options.arch))
-    if options.json:
-        found = bench_accuracy.summary(rows)
-        print(as_json({"status": "done", "results": rows, "cost_of_2_percent": found}))
-    elif not options.quiet:
-        print(bench_accuracy.as_text(rows))
-    return 0
+    found = bench_accuracy.summary(rows)
+    return _tell(options, rows, bench_accuracy.as_text, cost_of_2_percent=found)
 
 
 def _render(options: argparse.Namespace) -> int:
@@ -116,8 +106,15 @@ def _render(options: argparse.Namespace) -> int:
         for size in bench_render.SIZES
         for count in bench_render.CELLS
     ]
+    return _tell(options, rows, bench_render.as_text, cores=runtime.threads())
+
+
+def _tell(
+    options: argparse.Namespace, rows: list[Any], as_text: Callable[[Any], str], **more: Any
+) -> int:
+    """Report, for programs or for people; returns the exit code."""
     if options.json:
-        print(as_json({"status": "done", "cores": runtime.threads(), "results": rows}))
+        print(as_json({"status": "done", **more, "results": rows}))
     elif not options.quiet:
-        print(bench_render.as_text(rows))
+        print(as_text(rows))
     return 0

@@ -37,10 +37,9 @@ from numpy.typing import NDArray
 
 from tisoft.elements.matrices import each, hooke_blocks, top
 from tisoft.elements.pull_back import (
-    back,
-    back_rate,
     pulled,
     pulling,
+    pulling_curvature,
     pulling_rate,
     pushed,
     turner,
@@ -149,10 +148,10 @@ def hex_forces(
     P = V * (law.stress(H, m) + Pv)
     Pv = V * Pv
     if ti.static(law.is_finite):
-        P += back(law, T, Z, outer(q, R))
+        P += pulling_rate(law, T, Z, outer(q, R))
     if ti.static(out.n > 24):
         if ti.static(law.is_finite):
-            Pv += back(law, T, Z, outer(q, Rv))
+            Pv += pulling_rate(law, T, Z, outer(q, Rv))
         spread_differences(kind.drop(rest, -Pv, -pushed(Rv, T), lane), 24, lane, out)
     spread_differences(kind.drop(rest, -P, -pushed(R, T), lane), 0, lane, out)
 
@@ -190,7 +189,7 @@ def hex_product(
     dR = kind.world(rest, hooke_of_modes(rest, lane, dz, m, k), lane)
     P = rest[3, lane] * law.tangent(H, G, m)
     if ti.static(law.is_finite):
-        P += back_rate(law, H, T, Z, outer(q, R), outer(dq, R) + outer(q, dR), G, dT)
+        P += pulling_curvature(law, H, T, Z, outer(q, R), outer(dq, R) + outer(q, dR), G, dT)
     spread_differences(kind.drop(rest, P, pushed(dR, T) + pushed(R, dT) - R, lane), 0, lane, out)
 
 

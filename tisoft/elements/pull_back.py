@@ -85,7 +85,11 @@ def turner(law: ti.template(), H, T):
 
 @ti.func
 def pulling_rate(law: ti.template(), T, Z, G):
-    """The derivative of T along the change G of H; Z of `turner`."""
+    """The derivative of T along the change G of H; Z of `turner`.
+
+    It is its own transpose: of G = Σ q_h ⊗ R_h [N·m] it is ∂/∂F of G : (I + T), which the pull-back
+    adds to V P.
+    """
     dT = 0.0 * G
     if ti.static(law.is_finite):
         dT = G
@@ -96,20 +100,10 @@ def pulling_rate(law: ti.template(), T, Z, G):
 
 
 @ti.func
-def back(law: ti.template(), T, Z, M):
-    """∂/∂F of M : (I + T) [N·m]: what the pull-back adds to V P, M = Σ q_h ⊗ R_h."""
-    P = 0.0 * M
-    if ti.static(law.is_finite):
-        P = M
-        if ti.static(turns(law)):
-            R = diagonal(0.0 * T[0, 0] + 1.0) + T
-            P = times(R, crossing(Z @ skewed(R, M)))
-    return P
-
-
-@ti.func
-def back_rate(law: ti.template(), H, T, Z, M, dM, G, dT):
-    """The derivative of `back` along the change G of H, which changes M by dM and T by dT."""
+def pulling_curvature(law: ti.template(), H, T, Z, M, dM, G, dT):
+    """The derivative of `pulling_rate` of M along the change G of H, which changes M by dM and T by
+    dT.
+    """
     P = 0.0 * M
     if ti.static(law.is_finite):
         P = dM

@@ -1,5 +1,7 @@
-"""What faces of bodies meet of an obstacle: its core, a point or a line with a radius, and its
-corners, the points and edges of its surface.  Nodes meet its `distance` besides.
+"""What obstacles have in common.
+
+Faces of bodies meet an obstacle's core, a point or a line with a radius, and its corners, the
+points and edges of its surface.  Nodes meet its `distance` besides.
 
 Points are kept in the obstacle's own coordinates, from which `corner` of its file makes places:
 those are the same however it moves.
@@ -7,10 +9,17 @@ those are the same however it moves.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from tisoft import checks
+from tisoft.checks import FieldError, Vector, keep_number, put
+from tisoft.live import frozen
+from tisoft.moving import check_motion, pose
+from tisoft.turning import Turn
 
 Floats = NDArray[np.float64]
 
@@ -36,3 +45,60 @@ class Corners(NamedTuple):
     rest: Floats
     """Places at t = 0 [m]."""
     triangles: NDArray[np.int64]
+
+
+ALONG = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
+"""The line's ends in the obstacle's own coordinates."""
+
+
+@frozen
+@dataclass(frozen=True)
+class Line:
+    """An obstacle round a line; `from` and `to` in scene files.
+
+    Args:
+        start, end: of the line [m].
+        radius: [m].
+        friction: Coulomb's coefficient.
+        velocity: [m/s], from t = 0.
+        path: rows (t, dx, dy, dz): displacement [m] at times [s], linear between rows.
+        turn: rotation about an axis, from t = 0.
+
+    At most one of velocity, path and turn.
+
+    Raises:
+        SceneError: naming the field and its value.
+    """
+
+    start: Vector
+    end: Vector
+    radius: float
+    friction: float = 0.0
+    velocity: Vector | None = None
+    path: checks.Timeline | None = None
+    turn: Turn | None = None
+
+    def __post_init__(self) -> None:
+        for key in ("start", "end"):
+            put(self, key, checks.vector(key, getattr(self, key), unit="m"))
+        if self.start == self.end:
+            raise FieldError("end", "is where it starts; give two different points", self.end)
+        keep_number(self, "radius", above=0.0, unit="m")
+        keep_number(self, "friction", least=0.0)
+        check_motion(self)
+
+    def numbers(self, origin: Any, times: Any) -> Floats:
+        """a, b, r of `distance`: middle and half of the line, and radius, at times [s], seen from a
+        body's origin [m], shape (times, 7).
+        """
+        turned, way = pose(self, times)
+        start, end = self.ends()
+        out = np.zeros((len(way), 7))
+        out[:, :3] = turned @ (0.5 * (start + end)) + way - origin
+        out[:, 3:6] = turned @ (0.5 * (end - start))
+        out[:, 6] = self.radius
+        return out
+
+    def ends(self) -> Floats:
+        """Both ends at t = 0 [m], shape (2, 3)."""
+        return np.array([self.start, self.end])

@@ -10,47 +10,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tisoft import checks
-from tisoft.checks import FieldError, Vector, keep_number, put
 from tisoft.live import frozen
-from tisoft.moving import check_motion, pose
-from tisoft.obstacles.base import LINE, Core
-from tisoft.turning import Turn
-
-ALONG = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
-"""The line's ends in the obstacle's own coordinates."""
-
-
-def check_line(obstacle: Any) -> None:
-    """Check start, end and radius; raises FieldError."""
-    for key in ("start", "end"):
-        put(obstacle, key, checks.vector(key, getattr(obstacle, key), unit="m"))
-    if obstacle.start == obstacle.end:
-        raise FieldError("end", "is where it starts; give two different points", obstacle.end)
-    keep_number(obstacle, "radius", above=0.0, unit="m")
-    keep_number(obstacle, "friction", least=0.0)
-    check_motion(obstacle)
-
-
-def line_numbers(obstacle: Any, origin: Any, times: Any) -> NDArray[np.float64]:
-    """Middle, half and radius of a line at times [s], seen from `origin` [m], shape (times, 7)."""
-    turned, way = pose(obstacle, times)
-    start, end = np.array(obstacle.start), np.array(obstacle.end)
-    out = np.zeros((len(way), 7))
-    out[:, :3] = turned @ (0.5 * (start + end)) + way - origin
-    out[:, 3:6] = turned @ (0.5 * (end - start))
-    out[:, 6] = obstacle.radius
-    return out
+from tisoft.obstacles.base import ALONG, LINE, Core, Line
 
 
 @frozen
 @dataclass(frozen=True)
-class Capsule:
+class Capsule(Line):
     """An obstacle: a rod with round ends; `from` and `to` in scene files.
 
     Args:
@@ -66,21 +36,6 @@ class Capsule:
     Raises:
         SceneError: naming the field and its value.
     """
-
-    start: Vector
-    end: Vector
-    radius: float
-    friction: float = 0.0
-    velocity: Vector | None = None
-    path: checks.Timeline | None = None
-    turn: Turn | None = None
-
-    def __post_init__(self) -> None:
-        check_line(self)
-
-    def numbers(self, origin: Any, times: Any) -> NDArray[np.float64]:
-        """a, b, r of `distance` at times [s], seen from a body's origin [m], shape (times, 7)."""
-        return line_numbers(self, origin, times)
 
     @staticmethod
     def distance(a, b, r, x):  # type: ignore[no-untyped-def]
@@ -110,12 +65,12 @@ class Capsule:
 
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Lowest and highest corner of the box around it at t = 0 [m], shape (3,) each."""
-        ends = np.array([self.start, self.end])
+        ends = self.ends()
         return ends.min(axis=0) - self.radius, ends.max(axis=0) + self.radius
 
     def core(self) -> Core:
         """Its line."""
-        return Core(LINE, ALONG, np.array([self.start, self.end]), self.radius)
+        return Core(LINE, ALONG, self.ends(), self.radius)
 
     def corners(self, edge: float) -> None:
         """It has none."""

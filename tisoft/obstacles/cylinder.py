@@ -13,17 +13,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tisoft import checks
-from tisoft.checks import Vector
 from tisoft.live import frozen
-from tisoft.obstacles.base import FLAT_LINE, Core, Corners
-from tisoft.obstacles.capsule import ALONG, check_line, line_numbers
-from tisoft.turning import Turn
+from tisoft.obstacles.base import ALONG, FLAT_LINE, Core, Corners, Line
 
 SIDES = (24, 128)
 """Least and most corners of a rim."""
@@ -31,7 +26,7 @@ SIDES = (24, 128)
 
 @frozen
 @dataclass(frozen=True)
-class Cylinder:
+class Cylinder(Line):
     """An obstacle: a rod with flat ends; `from` and `to` in scene files.
 
     Args:
@@ -47,21 +42,6 @@ class Cylinder:
     Raises:
         SceneError: naming the field and its value.
     """
-
-    start: Vector
-    end: Vector
-    radius: float
-    friction: float = 0.0
-    velocity: Vector | None = None
-    path: checks.Timeline | None = None
-    turn: Turn | None = None
-
-    def __post_init__(self) -> None:
-        check_line(self)
-
-    def numbers(self, origin: Any, times: Any) -> NDArray[np.float64]:
-        """a, b, r of `distance` at times [s], seen from a body's origin [m], shape (times, 7)."""
-        return line_numbers(self, origin, times)
 
     @staticmethod
     def distance(a, b, r, x):  # type: ignore[no-untyped-def]
@@ -113,14 +93,14 @@ class Cylinder:
 
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Lowest and highest corner of the box around it at t = 0 [m], shape (3,) each."""
-        ends = np.array([self.start, self.end])
+        ends = self.ends()
         along = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
         half = self.radius * np.sqrt(np.maximum(0.0, 1.0 - along**2))
         return ends.min(axis=0) - half, ends.max(axis=0) + half
 
     def core(self) -> Core:
         """Its axis, for the side."""
-        return Core(FLAT_LINE, ALONG, np.array([self.start, self.end]), self.radius)
+        return Core(FLAT_LINE, ALONG, self.ends(), self.radius)
 
     def corners(self, edge: float) -> Corners:
         """Its rims, in corners half an `edge` [m] apart."""
@@ -140,7 +120,7 @@ class Cylinder:
 
     def _places(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
         """As `corner` does, at t = 0 [m]."""
-        start, end = np.array(self.start), np.array(self.end)
+        start, end = self.ends()
         half = 0.5 * (end - start)
         n = half / np.linalg.norm(half)
         u = np.eye(3)[np.argmin(np.abs(n))]

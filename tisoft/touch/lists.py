@@ -180,7 +180,19 @@ def may_touch(touch: ti.template(), q, b, c):
 
 
 @ti.func
-def keep(touch: ti.template(), n, begun, ends, item, d):
+def keep(touch: ti.template(), q, n, begun, stop, ends, item, d):
+    """Put a pair into row n, or tell that there is no room before row `stop`; returns the next."""
+    after = n
+    if n < stop:
+        insert(touch, n, begun, ends, item, d)
+        after = n + 1
+    else:
+        touch.order[q, f.FULL] = 1
+    return after
+
+
+@ti.func
+def insert(touch: ti.template(), n, begun, ends, item, d):
     """Put a pair into row n, sorted among those from `begun` on by point, or second edge."""
     z = n
     while z > begun and is_later(touch, z - 1, ends, item):
@@ -231,12 +243,8 @@ def pair_faces(touch: ti.template(), q, i, at, n, begun, stop):
                 w = on_triangle(x, a, b, c)
                 d = (x - w[0] * a - w[1] * b - w[2] * c).norm()
                 if d < reach:
-                    if n < stop:
-                        ends = ti.Vector([p, ids[0], ids[1], ids[2]])
-                        keep(touch, n, begun, ends, ti.Vector([i, -1]), d)
-                        n += 1
-                    else:
-                        touch.order[q, f.FULL] = 1
+                    ends = ti.Vector([p, ids[0], ids[1], ids[2]])
+                    n = keep(touch, q, n, begun, stop, ends, ti.Vector([i, -1]), d)
     return n
 
 
@@ -258,12 +266,8 @@ def pair_cores(touch: ti.template(), q, i, n, begun, stop):
             w = on_triangle(x, a, b, c)
             d = (x - w[0] * a - w[1] * b - w[2] * c).norm() - r
             if d < reach:
-                if n < stop:
-                    ends = ti.Vector([p, ids[0], ids[1], ids[2]])
-                    keep(touch, n, begun, ends, ti.Vector([i, -1]), d)
-                    n += 1
-                else:
-                    touch.order[q, f.FULL] = 1
+                ends = ti.Vector([p, ids[0], ids[1], ids[2]])
+                n = keep(touch, q, n, begun, stop, ends, ti.Vector([i, -1]), d)
     return n
 
 
@@ -280,11 +284,8 @@ def pair_edges(touch: ti.template(), q, i, at, n, begun, stop):
         if ok and may_touch(touch, q, touch.body[a], touch.body[c]):
             far = between_edges(spot(touch, a), spot(touch, b), spot(touch, c), spot(touch, d))
             if far < reach:
-                if n < stop:
-                    keep(touch, n, begun, ti.Vector([a, b, c, d]), ti.Vector([i, e]), far)
-                    n += 1
-                else:
-                    touch.order[q, f.FULL] = 1
+                ends = ti.Vector([a, b, c, d])
+                n = keep(touch, q, n, begun, stop, ends, ti.Vector([i, e]), far)
     return n
 
 
