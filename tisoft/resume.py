@@ -75,7 +75,7 @@ def put(simulation: Motion, content: Any, arrays: dict[str, NDArray[Any]]) -> No
     system.set_loads(arrays["load"])
     system.set_pressed(arrays["pressed"])
     for name in COUNTERS:
-        setattr(simulation, name, content["numbers"].get(name, getattr(simulation, name)))
+        setattr(simulation, name, content["numbers"][name])
     simulation.gravity_now = gravity_at(simulation.scene.gravity, simulation.time)
     simulation.steps = arrays["steps"].tolist()
     simulation.recoveries = [Recovery(**recovery) for recovery in content["recoveries"]]
