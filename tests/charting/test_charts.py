@@ -5,6 +5,7 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 
+import tisoft as ts
 from tisoft import cli
 from tisoft.charting import estimate
 from tisoft.charting.advice import advise
@@ -16,6 +17,7 @@ from tisoft.charting.page import page
 from tisoft.charting.picture import files
 from tisoft.charting.rulers import ruler_of
 from tisoft.charting.survey import Survey
+from tisoft.charting.thumbnails import picture
 from tisoft.errors import SceneError
 from tisoft.geometry.shapes import box
 from tisoft.geometry.solid import quadratic
@@ -141,3 +143,12 @@ def test_a_tolerance_that_nothing_keeps_is_refused(scene, tolerance, told):
 def test_a_budget_is_asked_for(scene, tmp_path, capsys):
     assert cli.main(["chart", str(scene), "--budget", "0", "-o", str(tmp_path / "out")]) == 2
     assert "--budget is 0" in capsys.readouterr().err
+
+
+def test_a_picture_of_a_variant_knows_gravity_in_rows():
+    drawn = []
+    for gravity in ((0.0, -9.81, 0.0), [(0.0, 0.0, -9.81, 0.0), (1.0, 0.0, -9.81, 0.0)]):
+        scene = ts.Scene(gravity=gravity)
+        scene.add_body(ts.box((1, 0.2, 0.2), (2, 1, 1)), ts.Linear(1e6, 0.3, 1000.0))
+        drawn.append(picture(scene, None))
+    assert drawn[0] == drawn[1] and drawn[0].startswith("data:image/png")
