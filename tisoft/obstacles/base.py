@@ -7,7 +7,7 @@ Points are kept in the obstacle's own coordinates, from which `corner` of its fi
 those are the same however it moves.
 """
 
-from __future__ import annotations
+# Annotations are kept as types, not as text: text would be looked up where a subclass stands.
 
 from dataclasses import dataclass
 from typing import Any, NamedTuple
