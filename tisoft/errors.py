@@ -21,6 +21,10 @@ class Diverged(TisoftError):
     exit_code = 3
 
 
+class OutOfTime(TisoftError):
+    """An answer was wanted by a time that has passed."""
+
+
 class NoEquilibrium(TisoftError):
     """No static equilibrium was found on the branch followed from rest."""
 

@@ -19,7 +19,7 @@ from tisoft import runtime
 from tisoft.changes import MODEL_WORDS, scene_with
 from tisoft.charting.carriers import carrier
 from tisoft.charting.variants import Variant
-from tisoft.errors import Diverged, NoEquilibrium, TisoftError
+from tisoft.errors import Diverged, NoEquilibrium, OutOfTime, TisoftError
 from tisoft.models.materials import MassSpring
 from tisoft.scene import Scene
 from tisoft.version import version
@@ -93,18 +93,24 @@ class Bench:
         """The variant's scene; raises SceneError."""
         return scene_with(self.source, variant.settings)
 
-    def ask(self, what: str, variant: Variant) -> dict[str, Any]:
+    def ask(self, what: str, variant: Variant, seconds: float = math.inf) -> dict[str, Any]:
         """ "size", "static", "modes", "exact modes", "step", "timing" or "path", computed once.
 
-        A failure is kept as {"error": sentence}.
+        A failure is kept as {"error": sentence}; what a static answer has no time for within so
+        many seconds is told and not kept.
         """
+        from tisoft.equilibrium.linear_solve import latest
+
         record = self.record(variant)
         if what not in record:
             begun, worked = time.perf_counter(), time.process_time()
             compiled = runtime.compile_seconds
             try:
                 work: Callable[[Scene, list[Place]], dict[str, Any]] = WORK[what]
-                made = work(self.scene(variant), self.places)
+                with latest(seconds):
+                    made = work(self.scene(variant), self.places)
+            except OutOfTime as error:
+                return {"error": str(error), "seconds": seconds, "worked": seconds}
             except (NoEquilibrium, Diverged, TisoftError) as error:
                 made = {"error": str(error)}
             made["seconds"] = time.perf_counter() - begun

@@ -37,6 +37,7 @@ SHARES = {"ruler": 0.5, "answers": 0.65, "timing": 0.85, "path": 0.95}
 """Of the budget, at which each stage must be over."""
 SMALL = 2000
 """Elements up to which kernels run on one thread (`model.system`)."""
+NO_TIME = "there was no time to find the equilibrium; give a larger budget"
 SAME_PLACE = 1e-6
 """Share of a body's size within which a node is where a probe is."""
 RANGE = 0.6
@@ -83,7 +84,7 @@ class Survey:
                 "pins or loads select several nodes by number: on finer meshes they act on those "
                 "nodes alone, so the errors of meshes are not to be trusted; select by box or plane"
             )
-        self.touching = bool(self.scene.obstacles) or len(self.scene.bodies) > 1
+        self.touching = bool(self.scene.obstacles)
         self.same_probes = False
         """Whether meshes without nodes where the probes are stay out."""
         self.paths = Paths(self.bench, self.catalogue.current)
@@ -108,7 +109,8 @@ class Survey:
             if not always and self.spent() + needs > share * self.budget:
                 return None
             self.tick(variant.name)
-            found = self.bench.ask(what, variant)
+            left = 3600.0 if self.patient else max(1.0, 0.97 * self.budget - self.spent())
+            found = self.bench.ask(what, variant, left)
             seconds = found["worked" if self.patient else "seconds"]
             kind, size = self._kind(variant)
             self.patience.took(what, kind, size, seconds)
@@ -189,13 +191,27 @@ class Survey:
                 "the scene cannot be charted: it has neither a static answer under its loads nor "
                 "elastic modes to compare"
             )
+        self.touching = self.touching or self._may_meet(now)
         if self.touching:
             self.warn(CONTACT)
+
+    def _may_meet(self, now: Variant) -> bool:
+        """Whether two bodies that touch each other come near, swinging about their equilibrium."""
+        static = self.known("static", now)
+        room = 2.0 * static["most"] if static is not None else np.inf
+        boxes = [
+            (b.mesh.points.min(axis=0) - room, b.mesh.points.max(axis=0) + room)
+            for b in self.scene.bodies if b.contact
+        ]  # fmt: skip
+        return any(
+            bool((low <= other_high).all() and (other_low <= high).all())
+            for k, (low, high) in enumerate(boxes) for other_low, other_high in boxes[k + 1 :]
+        )  # fmt: skip
 
     def _has_static(self, now: Variant) -> bool:
         found = self.known("static", now)
         if found is None:
-            told = self.bench.ask("static", now)["error"]
+            told = self.bench.record(now).get("static", {}).get("error", NO_TIME)
             self.warn(f"sag is left out: {told}")
             return False
         for told in found["warnings"]:
@@ -240,7 +256,15 @@ class Survey:
                 "cannot be refined; take a coarser mesh, or tets"
             )
         for missing in set(self.quantities()) - set(self.rulers):
-            self.warn(f"{missing} is left out: the ruler has no answer for it")
+            self.warn(f"{missing} is left out: the ruler has no answer for it{self._why(missing)}")
+
+    def _why(self, missing: str) -> str:
+        """What quadratic tets said instead of an answer."""
+        pair = next(iter(pairs_of(self.catalogue, twin=False)), None)
+        if pair is None or missing != "sag":
+            return ""
+        told = self.bench.record(pair.better).get("static", {}).get("error")
+        return f" ({told})" if told else ""
 
     def _take(self, pair: Any, *, always: bool = False) -> bool:
         size = self.size(pair.better)
@@ -249,7 +273,7 @@ class Survey:
         share = SHARES["ruler"]
         if always:  # within the whole budget all the same
             needs = sum(self._needs(w, pair.better) for w in ("static", "exact modes"))
-            if needs > 0.9 * self.budget - self.spent() and TWIN != pair.told:
+            if needs > 0.5 * (self.budget - self.spent()) and TWIN != pair.told:
                 return False
             share = 100.0
         found = False

@@ -11,7 +11,9 @@ its pivots on the diagonal, so that their signs count the negative eigenvalues o
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +21,7 @@ from scipy import sparse
 from scipy.sparse.linalg import LinearOperator, gmres, splu
 
 from tisoft.equilibrium.balance import Balance
+from tisoft.errors import OutOfTime
 
 Floats = NDArray[np.float64]
 
@@ -32,6 +35,19 @@ ROUNDING = 16 * np.finfo(np.float64).eps
 AGED = 25
 """CG iterations after which a factorisation is too old."""
 MOST_ITERATIONS = 5000
+
+
+_latest: list[float] = []
+
+
+@contextmanager
+def latest(seconds: float) -> Iterator[None]:
+    """Let solves inside raise OutOfTime once so many seconds are over."""
+    _latest.append(time.perf_counter() + seconds)
+    try:
+        yield
+    finally:
+        _latest.pop()
 
 
 def conjugate_gradients(
@@ -164,6 +180,8 @@ class Solver:
         downhill.
         """
         self.iterations += 1
+        if _latest and time.perf_counter() > _latest[-1]:
+            raise OutOfTime("there was no time to find the equilibrium")
         r = self._bound(right.ravel()[self.free])
         self.balance.look(u, factor)
 
