@@ -12,7 +12,10 @@ from dataclasses import dataclass, field
 from statistics import median
 from typing import Any
 
-COMPILED = {"static": 6.0, "modes": 5.0, "step": 2.0}
+COMPILED = {
+    "hex8": {"static": 12.0},
+    "spring": {"static": 4.0, "modes": 3.0, "exact modes": 3.0},
+}
 """Seconds of compiling the first answer for an element whose whole kernels are needed."""
 TIMING = {"tet4": 7.0, "tet10": 16.0, "hex8": 12.0, "spring": 4.0}
 """The same for a running scene."""
@@ -58,15 +61,13 @@ class Patience:
             supposed = self.timing(kind) / self.slowness
         else:
             return
-        is_first = what in COMPILED and (what, *kind) not in self._seen  # may compile
+        is_first = what == "static" and (what, *kind) not in self._seen  # a law is compiled too
         if supposed > 0.2 and not is_first:
             self._ratios.append(seconds / supposed)
         self._seen.add((what, *kind))
 
     def _supposed(self, what: str, kind: tuple[str, ...], size: Mapping[str, Any]) -> float:
-        whole = kind[0] in ("hex8", "spring") and (what, *kind) not in self._seen
-        compiles = (
-            COMPILED.get(what, 0.0) if whole and (what != "modes" or kind[0] != "hex8") else 0
-        )
+        first = (what, *kind) not in self._seen
+        compiles = COMPILED.get(kind[0], {}).get(what, 0.0) if first else 0.0
         factor = FACTORED[what] * FRONT * float(size.get("front", 0.0))
         return 0.1 + compiles + NODE[what] * int(size.get("nodes", 0)) + factor

@@ -109,7 +109,8 @@ class Survey:
             if not always and self.spent() + needs > share * self.budget:
                 return None
             self.tick(variant.name)
-            left = 3600.0 if self.patient else max(1.0, 0.97 * self.budget - self.spent())
+            until = min(share, 0.5) if always else share
+            left = 3600.0 if self.patient else max(1.0, until * self.budget - self.spent())
             found = self.bench.ask(what, variant, left)
             seconds = found["worked" if self.patient else "seconds"]
             kind, size = self._kind(variant)
@@ -509,14 +510,16 @@ class Survey:
         )
         return best, min(1.0, bound.value)
 
-    def pictures(self, seconds: float = 6.0) -> dict[str, str]:
-        """Pictures of the judged variants as data addresses, the front first, for some time."""
+    def pictures(self, seconds: float) -> dict[str, str]:
+        """Pictures of the judged variants as data addresses, the front first, for some
+        seconds; the first one always."""
         from tisoft.charting.thumbnails import picture
 
-        begun, made = time.perf_counter(), {}
+        begun = time.perf_counter()
+        made: dict[str, str] = {}
         by_name = {v.name: v for v in self._known}
         for one in sorted(self.judged(), key=lambda v: (not v.current, not v.pareto, v.cost)):
-            if time.perf_counter() - begun > seconds:
+            if made and time.perf_counter() - begun > seconds:
                 break
             variant = by_name[one.name]
             static = self.known("static", self._shares_errors(variant))

@@ -22,8 +22,8 @@ EXAMPLES = """examples:
 
 STORE = "variants.json"
 FILES = ("chart.png", "chart.svg", "chart.html", "chart.csv", "chart.json", STORE)
-PICTURES = 3.0
-"""Seconds of the budget that drawing takes."""
+DRAWING, CHART = 0.12, 3.0
+"""Share of the budget that drawing takes, and seconds without the meshes' pictures."""
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -52,8 +52,7 @@ def execute(options: argparse.Namespace) -> int:
     with ResultFolder(options.output, owner) as folder:
         kept = {} if options.overwrite else _kept(folder.path / STORE)
         bar = _Bar(options)
-        budget = max(0.7 * options.budget, options.budget - PICTURES)
-        survey = Survey(options.scene, budget, settings, kept, bar.tick)
+        survey = Survey(options.scene, (1.0 - DRAWING) * options.budget, settings, kept, bar.tick)
         folder.begin(FILES)
         try:
             survey.measure(workers=_workers(options))
@@ -145,7 +144,8 @@ def _write(survey: Any, chart: Any, folder: Path, title: str) -> None:
     png, svg = files(chart)
     write_bytes(folder / "chart.png", png)
     write_text(folder / "chart.svg", svg)
-    shapes = survey.pictures()
+    left = survey.budget / (1.0 - DRAWING) - survey.spent()
+    shapes = survey.pictures(left - CHART * survey.patience.slowness)
     write_text(folder / "chart.html", page(chart, svg, title, shapes, step_picture(chart)))
     write_csv(folder / "chart.csv", chart.table())
     write_text(folder / "chart.json", as_json(chart.result()) + "\n")
