@@ -8,6 +8,7 @@ import pytest
 from tisoft import cli
 from tisoft.charting import written
 from tisoft.charting.costs import Kind, predicted
+from tisoft.charting.doubting import doubts
 from tisoft.charting.paths import Paths
 from tisoft.charting.patience import Patience
 from tisoft.charting.records import Bench, step_of
@@ -121,7 +122,7 @@ def test_paths_that_part_are_noticed():
     swing = [[[0.0, 0.0, (-1.0) ** k]] for k in range(20)]
     bench.record(one)["path"] = {"path": swing}
     bench.record(other)["path"] = {"path": [*swing[:10], *[[[0.0, 0.0, 3.0]]] * 10]}
-    paths = Paths(bench, one)
+    paths = Paths(bench)
     assert paths.parting(other, one, 10.0) == 1.0
     assert paths.error(one, one) == 0.0 and paths.error(other, one) > 1.0
 
@@ -139,4 +140,4 @@ def test_what_contact_may_decide_is_not_certain(scene):
     path = scene.parent / "on_the_floor.toml"
     path.write_text(BAR + "[[obstacle]]\nplane = { point = [0, 0, -1], normal = [0, 0, 1] }\n")
     survey = Survey(path, 1e6, ['body.0.model="viscoelastic"'])
-    assert any("contact may decide" in doubt for doubt in survey.doubts())
+    assert any("contact may decide" in doubt for doubt in doubts(survey))

@@ -67,21 +67,21 @@ def test_a_point_is_carried_by_the_shape_functions_of_its_cell(kind):
 def test_predicted_errors_are_those_of_the_continuum_within_their_bars(scene):
     """33 % of sag and 20 % of frequencies with linear tets; quadratic ones lie below the bar."""
     survey = Survey(scene, 1e6)
-    survey.static = True
+    survey.judging.static = True
     make = survey.catalogue.mesh
     linear, better = survey.catalogue.current, make("tet10", 1.0)
     for what, truth in (("sag", [SAG]), ("frequency", FREQUENCIES)):
-        worse, fine = (survey.quantity(v, what, 1.0, exact=True) for v in (linear, better))
-        survey.rulers = {what: ruler_of(worse, fine, what, estimate.SAME_MESH)}
+        worse, fine = (survey.asking.quantity(v, what, 1.0, exact=True) for v in (linear, better))
+        survey.judging.rulers = {what: ruler_of(worse, fine, what, estimate.SAME_MESH)}
         exact = estimate.Ruler(np.asarray(truth), 0.0)
         measure = estimate.frequency_error if what == "frequency" else error_of
         predicted, true = (
-            measure(survey.quantity(linear, what, 1.0), ruler)
-            for ruler in (survey.rulers[what], exact)
+            measure(survey.asking.quantity(linear, what, 1.0), ruler)
+            for ruler in (survey.judging.rulers[what], exact)
         )
         assert 0.9 < predicted.value / true.value < 1.1
         assert abs(predicted.value - true.value) < predicted.bar
-        assert measure(fine, exact).value < measure(fine, survey.rulers[what]).most
+        assert measure(fine, exact).value < measure(fine, survey.judging.rulers[what]).most
 
 
 def error_of(value, ruler):

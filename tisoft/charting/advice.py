@@ -11,6 +11,7 @@ from typing import Any
 from tisoft import checks
 from tisoft.changes import scene_with
 from tisoft.charting.chart import Chart, told
+from tisoft.charting.doubting import doubts
 from tisoft.charting.estimate import ROUNDING
 from tisoft.charting.judged import Judged
 from tisoft.charting.survey import Survey
@@ -92,17 +93,18 @@ def advise(
     tolerance = checks.number("tolerance", tolerance)
     if not 0.0 < tolerance < 1.0:
         raise SceneError(f"tolerance is {tolerance:g}; give a relative error, as 0.02 for 2 %")
-    survey = Survey(scene, SECONDS, settings, tick=tick, bodies=bodies, patient=True)
+    survey = Survey(
+        scene, SECONDS, settings, tick=tick, bodies=bodies, patient=True, same_probes=same_probes
+    )
     least = ROUNDING[survey.scene.precision]
     if tolerance < least:
         raise SceneError(
             f"tolerance is {tolerance:g}, below what {survey.scene.precision} keeps ({least:g}); "
             'give a larger one, or precision = "f64"'
         )
-    survey.same_probes = same_probes
     survey.measure(others=False)
     choice = Chart(survey.judged()).least(tolerance)
-    turn = (survey.known("static", survey.catalogue.current) or {}).get("turn")
+    turn = (survey.asking.known("static", survey.catalogue.current) or {}).get("turn")
     if choice is not None and turn is not None and turn < SMALL_TURN:
         survey.ask_linear(choice.name)
     return _advice(survey, Chart(survey.judged(), survey.warnings), tolerance)
@@ -110,22 +112,22 @@ def advise(
 
 def _advice(survey: Survey, chart: Chart, tolerance: float) -> Advice:
     choice, now = chart.least(tolerance), chart.current
-    doubts = []
+    reserves = []
     if choice is None:
         choice = min(chart.variants, key=lambda v: v.worst.most)
-        doubts.append(_short_of(survey, choice, tolerance))
-    doubts += survey.doubts()
+        reserves.append(_short_of(survey, choice, tolerance))
+    reserves += doubts(survey)
     own = survey.source if isinstance(survey.source, Scene) else str(survey.source)
     changed = scene_with(own, (*survey.settings, *choice.settings))
-    told_before = [w for w in chart.warnings if w not in doubts]
+    told_before = [w for w in chart.warnings if w not in reserves]
     return Advice(
-        changed, choice, now, tolerance, _reasons(survey, chart, choice, tolerance), not doubts,
-        [*doubts, *told_before],
+        changed, choice, now, tolerance, _reasons(survey, chart, choice, tolerance), not reserves,
+        [*reserves, *told_before],
     )  # fmt: skip
 
 
 def _short_of(survey: Survey, choice: Judged, tolerance: float) -> str:
-    bar = max(ruler.bar for ruler in survey.rulers.values())
+    bar = max(ruler.bar for ruler in survey.judging.rulers.values())
     if bar > tolerance:
         return (
             f"tolerance {tolerance:g} is below the ruler's own bar ({bar:.2g}): nothing can be "
@@ -159,7 +161,7 @@ def _reasons(survey: Survey, chart: Chart, choice: Judged, tolerance: float) -> 
         )
     elif now.name != choice.name:
         reasons.append(f"The scene as it is is too coarse: it errs by {told(now.worst)}.")
-    turn = (survey.known("static", survey.catalogue.current) or {}).get("turn")
+    turn = (survey.asking.known("static", survey.catalogue.current) or {}).get("turn")
     if turn is not None and turn < SMALL_TURN and choice.model != now.model == "viscoelastic":
         reasons.insert(
             1,

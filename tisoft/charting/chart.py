@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from tisoft import checks
+from tisoft.charting.doubting import doubts
 from tisoft.charting.estimate import Error
 from tisoft.charting.judged import Judged
 from tisoft.charting.steps import StepSide, step_side
@@ -144,10 +145,10 @@ def chart_of(survey: Survey) -> Chart:
     """The chart of what a survey has found so far; raises SceneError where that is too little."""
     found = survey.judged()
     if len(found) < 2:
-        needs = max(2.0 * survey.budget, 2.0 * survey.spent())
+        needs = max(2.0 * survey.budget, 2.0 * survey.asking.spent())
         raise SceneError(
             f"a budget of {survey.budget:g} s is too small for two variants of this scene; give "
             f"{needs:.0f} or more"
         )
     steps = step_side(survey, found[0])
-    return Chart(found, list(dict.fromkeys([*survey.doubts(), *survey.warnings])), steps)
+    return Chart(found, list(dict.fromkeys([*doubts(survey), *survey.warnings])), steps)

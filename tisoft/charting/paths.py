@@ -20,9 +20,8 @@ PART = 0.5
 class Paths:
     """The paths on a bench."""
 
-    def __init__(self, bench: Bench, current: Variant) -> None:
+    def __init__(self, bench: Bench) -> None:
         self._bench = bench
-        self._current = current
 
     def has(self, variant: Variant) -> bool:
         """Whether the variant was run."""

@@ -70,9 +70,9 @@ class StepSide:
 
 def step_side(survey: Survey, now: Judged) -> StepSide | None:
     """The step side of a survey's scene; None where it has no modes or no limit."""
-    if "frequency" not in survey.rulers or not np.isfinite(now.stable_step):
+    if "frequency" not in survey.judging.rulers or not np.isfinite(now.stable_step):
         return None
-    modes = 2.0 * np.pi * np.abs(survey.rulers["frequency"].value)
+    modes = 2.0 * np.pi * np.abs(survey.judging.rulers["frequency"].value)
     duration = survey.scene.duration
     words = dict.fromkeys([survey.scene.integrator, "symplectic-euler", "velocity-verlet"])
     curves = []

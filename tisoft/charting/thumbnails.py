@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import base64
 import io
-from typing import Any
+import time
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +14,30 @@ from tisoft.observers.framing import up_of
 from tisoft.scene import Scene
 from tisoft.study import pictures
 
+if TYPE_CHECKING:
+    from tisoft.charting.survey import Survey
+
 Floats = NDArray[np.float64]
 
 MOST_FACES = 12_000
 SIZE = (3.4, 2.3)
 """Inches."""
+
+
+def pictures_of(survey: Survey, seconds: float) -> dict[str, str]:
+    """Pictures of a survey's judged variants as data addresses, the front first, for some seconds;
+    the first one always."""
+    begun = time.perf_counter()
+    made: dict[str, str] = {}
+    for one in sorted(survey.judged(), key=lambda v: (not v.current, not v.pareto, v.cost)):
+        if made and time.perf_counter() - begun > seconds:
+            break
+        variant = survey.judging.named(one.name)
+        static = survey.asking.known("static", survey.judging.shares_errors(variant))
+        drawn = picture(survey.asking.bench.scene(variant), static and static.get("shape"))
+        if drawn is not None:
+            made[one.name] = drawn
+    return made
 
 
 def picture(scene: Scene, shape: Any) -> str | None:

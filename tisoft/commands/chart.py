@@ -139,13 +139,14 @@ class _Bar:
 def _write(survey: Any, chart: Any, folder: Path, title: str) -> None:
     from tisoft.charting.page import page
     from tisoft.charting.picture import files, step_picture
+    from tisoft.charting.thumbnails import pictures_of
     from tisoft.sweeping.table import write_csv
 
     png, svg = files(chart)
     write_bytes(folder / "chart.png", png)
     write_text(folder / "chart.svg", svg)
-    left = survey.budget / (1.0 - DRAWING) - survey.spent()
-    shapes = survey.pictures(left - CHART * survey.patience.slowness)
+    left = survey.budget / (1.0 - DRAWING) - survey.asking.spent()
+    shapes = pictures_of(survey, left - CHART * survey.asking.patience.slowness)
     write_text(folder / "chart.html", page(chart, svg, title, shapes, step_picture(chart)))
     write_csv(folder / "chart.csv", chart.table())
     write_text(folder / "chart.json", as_json(chart.result()) + "\n")

@@ -21,6 +21,7 @@ from tisoft import checks
 from tisoft.checks import FieldError
 from tisoft.equilibrium.at_rest import AtRest
 from tisoft.equilibrium.balance import held_axes
+from tisoft.equilibrium.one_thread import one_thread
 from tisoft.equilibrium.operators import Elastic, operators_at_rest, operators_of
 from tisoft.equilibrium.pointwise import Pointwise
 from tisoft.equilibrium.statics import HasScene, equilibrium, scene_of
@@ -58,6 +59,7 @@ class Modes:
         return shape
 
 
+@one_thread()
 def natural_modes(
     scene: Scene | HasScene, n: int = 6, *, about: Any = "rest", mass: Mass | None = None
 ) -> Modes:

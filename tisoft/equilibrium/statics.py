@@ -18,6 +18,7 @@ from tisoft import checks, runtime
 from tisoft.energies import Energies
 from tisoft.equilibrium.balance import ACCEPTED, Balance
 from tisoft.equilibrium.follow import Answer, balance_body
+from tisoft.equilibrium.one_thread import one_thread
 from tisoft.errors import SceneError
 from tisoft.gravity import gravity_at
 from tisoft.model.part import parts_of
@@ -66,6 +67,7 @@ def scene_of(scene: Scene | HasScene) -> Scene:
     return found
 
 
+@one_thread()
 def equilibrium(scene: Scene | HasScene, *, external: Any = None) -> Equilibrium:
     """The static equilibrium that leads from rest to the loads at t = duration.
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh, splu
 
+from tisoft.equilibrium.one_thread import one_thread
 from tisoft.equilibrium.operators import Elastic
 from tisoft.model.part import Part
 from tisoft.model.system import System
@@ -60,6 +61,7 @@ def sharp_step(system: System, *, integrator: str, u: Floats | None = None) -> f
     return min(limits, default=np.inf)
 
 
+@one_thread()
 def sharp_limit(
     part: Part, *, integrator: str, u: Floats | None = None, elastic: Elastic | None = None
 ) -> SharpLimit:

@@ -1,0 +1,132 @@
+"""Asking within a budget: what is known of variants, and what there is time to find out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from tisoft.charting.costs import Kind, predicted
+from tisoft.charting.patience import Patience
+from tisoft.charting.records import Bench
+from tisoft.charting.variants import Variant
+
+SMALL = 2000
+"""Elements up to which kernels run on one thread (`model.system`)."""
+
+
+@dataclass
+class Asking:
+    """Questions about variants, and their answers."""
+
+    bench: Bench
+    budget: float
+    """[s]"""
+    duration: float
+    """Of the scene [s]."""
+    patient: bool = False
+    """Whether only the time counts that this process computes, not what others take."""
+    tick: Callable[[str], Any] = lambda told: None
+    springs: bool = False
+    """Whether springs are judged by themselves, which have no exact modes."""
+    patience: Patience = field(default_factory=Patience)
+    variants: list[Variant] = field(default_factory=list)
+    """Those of which enough is known to be judged, in the order in which it came."""
+
+    def __post_init__(self) -> None:
+        self._clock = time.process_time if self.patient else time.perf_counter
+        self._begun = self._clock()
+
+    def spent(self) -> float:
+        """Seconds of the budget that are gone."""
+        return self._clock() - self._begun
+
+    def ask(
+        self, what: str, variant: Variant, share: float = 1.0, *, always: bool = False
+    ) -> dict[str, Any] | None:
+        """The answer, or None where it fails, or would end after a share of the budget."""
+        if what not in self.bench.record(variant):
+            needs = self.needs(what, variant)
+            if not always and self.spent() + needs > share * self.budget:
+                return None
+            self.tick(variant.name)
+            until = min(share, 0.5) if always else share
+            left = 3600.0 if self.patient else max(1.0, until * self.budget - self.spent())
+            found = self.bench.ask(what, variant, left)
+            seconds = found["worked" if self.patient else "seconds"]
+            kind, size = self._kind(variant)
+            self.patience.took(what, kind, size, seconds)
+        return self.known(what, variant)
+
+    def known(self, what: str, variant: Variant) -> dict[str, Any] | None:
+        """The answer, where there is one already."""
+        found = self.bench.record(variant).get(what)
+        return None if found is None or "error" in found else found
+
+    def has(self, what: str, variant: Variant) -> bool:
+        """Whether it was asked, with whatever outcome."""
+        return what in self.bench.record(variant)
+
+    def size(self, variant: Variant) -> dict[str, Any] | None:
+        """What the variant is, or None where it cannot be had."""
+        found = self.bench.ask("size", variant)
+        return None if "error" in found else found
+
+    def quantity(
+        self, variant: Variant, what: str, share: float = 0.0, *, exact: bool = False
+    ) -> Any:
+        """Sag (displacements of the places, or the elastic energy), or frequencies; None without.
+
+        Exact: as the ruler sees them.  A share of 0 asks nothing that is not known.
+        """
+        modes = "exact modes" if exact and not self.springs else "modes"
+        asked = "static" if what == "sag" else modes
+        found = self.ask(asked, variant, share) if share else self.known(asked, variant)
+        if found is None:
+            return None
+        if what == "frequency":
+            return found["frequencies"] or None
+        return found["places"] if self.bench.places else found["energy"]
+
+    def needs(self, what: str, variant: Variant) -> float:
+        """Seconds that an answer will take."""
+        kind, size = self._kind(variant)
+        if what == "timing":
+            return self.patience.timing(kind)
+        if what == "path":
+            if not self.has("timing", variant):
+                return float("inf")  # its kernels would be compiled first
+            return 0.5 + 1.2 * self.cost(variant)[0] * self.duration
+        return self.patience.needs(what, kind, size)
+
+    def _kind(self, variant: Variant) -> tuple[tuple[str, ...], dict[str, Any]]:
+        size = self.size(variant)
+        if size is None:
+            return ("", "", "", "", ""), {}
+        words = [size[k] for k in ("element", "model", "precision", "integrator")]
+        loops = "alone" if size["elements"] <= SMALL else "shared"  # kernels of their own
+        return (*words, loops), size
+
+    def cost(self, variant: Variant) -> tuple[float, bool]:
+        """Seconds of computing a simulated second, and whether they were timed."""
+        timing = self.known("timing", variant)
+        if timing is not None:
+            return float(timing["cost"]), True
+        timed = [
+            (kind, float(found["cost"]))
+            for other in self.variants
+            if (found := self.known("timing", other)) and (kind := self.kind_of(other))
+        ]
+        own = self.kind_of(variant)
+        return (predicted(own, timed), False) if own else (float("inf"), False)
+
+    def kind_of(self, variant: Variant) -> Kind | None:
+        """What decides its cost."""
+        size, step = self.size(variant), self.known("step", variant)
+        if size is None or step is None:
+            return None
+        return Kind(
+            size["element"], size["model"], size["precision"], size["integrator"],
+            size["elements"], step["substeps"] * size["frame_rate"], size["frame_rate"],
+        )  # fmt: skip
