@@ -25,6 +25,7 @@ from tisoft.model.part import Part
 from tisoft.model.system import System
 from tisoft.moving import STILL, moves
 from tisoft.obstacles import OBSTACLES
+from tisoft.obstacles.base import NUMBERS
 from tisoft.scene import Scene
 from tisoft.stable.guard import Recovery
 from tisoft.stable.limit import StepLimit
@@ -172,7 +173,7 @@ class Present:
             for o, obstacle in enumerate(self._obstacles):
                 if moves(obstacle):
                     row = self.system.obstacle_row(part, o)
-                    signal = acting.signal(obstacle_signal(obstacle, part), 13)
+                    signal = acting.signal(obstacle_signal(obstacle, part), NUMBERS + 6)
                     acting.moved.append((row, signal))
 
     def _rules(self) -> Rules:

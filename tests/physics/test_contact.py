@@ -266,6 +266,35 @@ def test_a_turned_floor_and_a_lid_that_comes_down_are_followed(tmp_path):
     assert not sim.recoveries
 
 
+def test_a_bead_slides_along_a_box_that_turns(tmp_path):
+    """As seen from a face at d from the axis s̈ = ω² s, from ṡ = ω d: a bead at rest is hit there.
+    The box's work is the bead's energy, and as much as the blow took at first.
+    """
+    d, omega, m = 0.05, 2.0, 1.0
+    mesh = ts.net([[0.2, d, 0], [9, 9, 0]], [[0, 1]])
+    scene = ts.Scene(gravity=(0, 0, 0), precision="f64", frame_rate=20, step=1e-4)
+    scene.add_body(mesh, ts.MassSpring(stiffness=1e-9, node_mass=m))
+    turn = ts.Turn((0, 0, 0), (0, 0, 1), omega)
+    # Halfway round, so that the frame's rotation goes past the largest that its numbers tell.
+    scene.add_obstacle(ts.Box((0, 0, 0), (3, 2 * d, 1), rotate=(0, 0, 180), turn=turn))
+    sim = ts.Simulation(scene, ledger=True, threads=1)
+    sim.run(0.25)
+    sim.save(tmp_path / "a.npz")
+    again = ts.Simulation.load(tmp_path / "a.npz")
+    sim.run(0.25), again.run(0.25)
+    assert np.array_equal(sim.positions(), again.positions())
+    t = omega * 0.5
+    s = 0.2 * np.cosh(t) + d * np.sinh(t)
+    rate = omega * (0.2 * np.sinh(t) + d * np.cosh(t))
+    along, out = np.array([np.cos(t), np.sin(t), 0]), np.array([-np.sin(t), np.cos(t), 0])
+    assert sim.positions()[0] == pytest.approx(s * along + d * out, abs=2e-4)
+    v = (rate - omega * d) * along + omega * s * out
+    assert sim.velocities()[0] == pytest.approx(v, abs=2e-3)
+    told = sim.energy()
+    assert told["dissipated"] == pytest.approx(0.5 * m * (omega * 0.2) ** 2, rel=2e-3)
+    assert told["external_work"] == pytest.approx(0.5 * m * v @ v + told["dissipated"], rel=1e-3)
+
+
 def test_a_start_inside_is_pushed_out_gently(tmp_path):
     depth = 0.02
     scene, body = _cube(ts.Plane((0, depth, 0), friction=0.5))

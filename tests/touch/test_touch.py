@@ -135,6 +135,7 @@ SMALLER_THAN_A_FACE = {
     "post": POST,
     "shell": ts.Shell(POST.corners(1.0).rest, POST.corners(1.0).triangles, friction=0.5),
     "ridge": ts.Box(center=(0, 0.25, 0), size=(0.04, 0.5, 3.0), friction=0.5),
+    "edge": ts.Box((0, 0.46, 0), (0.08 / 2**0.5, 0.08 / 2**0.5, 3.0), 0.5, rotate=(0, 0, 45)),
     "ball": ts.Sphere(center=(0, 0.44, 0), radius=0.06, friction=0.5),
     "capsule": ts.Capsule((0, 0.46, -1), (0, 0.46, 1), 0.04, friction=0.5),
     "cylinder": ts.Cylinder((0, 0, 0), (0, 0.5, 0), 0.04, friction=0.5),
@@ -173,9 +174,12 @@ def test_no_face_sinks_into_what_is_smaller_than_it(kind):
     assert deepest < 0.002
 
 
-def test_an_obstacle_under_a_face_lifts_it_and_the_ledger_knows():
+@pytest.mark.parametrize(
+    "motion", [{"velocity": (0, 0.5, 0)}, {"turn": ts.Turn((-4.89, 0.25, 0), (0, 0, 1), 0.1)}]
+)
+def test_an_obstacle_under_a_face_lifts_it_and_the_ledger_knows(motion):
     """A post that rises at 0.5 m/s throws the slab up and catches it; its work is what that got."""
-    obstacle = ts.Box(center=(0.11, 0.25, 0.1), size=(0.1, 0.5, 0.1), velocity=(0, 0.5, 0))
+    obstacle = ts.Box(center=(0.11, 0.25, 0.1), size=(0.1, 0.5, 0.1), **motion)
     sim = simulation(on(obstacle)[0], threads=1)
     sim.run(0.4)
     told = sim.energy()

@@ -33,6 +33,9 @@ def control():
     body = scene.add_body(ts.box((1.0, 0.3, 0.3), (6, 2, 2)), model)
     body.pin(ts.where.box((-1, -1, -1), (0.001, 1, 1)))
     scene.add_obstacle(ts.Sphere((0.5, -0.4, 0.15), 0.2))
+    turn = ts.Turn((0, -3, 0), (0, 0, 1), 1.0)
+    scene.add_obstacle(ts.Box((0, -3, 0), (0.4, 0.2, 0.2), rotate=(0, 0, 30), turn=turn))
+    scene.add_obstacle(ts.Capsule((-0.5, -3, 0), (-0.5, -2.5, 0), 0.1))
     scene.add_probe("tip", body, point=(1.0, 0.3, 0.3))
     return Controller(scene)
 

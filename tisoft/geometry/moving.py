@@ -21,6 +21,13 @@ def moved(
         scale = checks.number("scale", scale, above=0.0)
         angles = np.array(checks.vector("rotate", rotate, unit="degrees"))
         shift = np.array(checks.vector("translate", translate, unit="m"))
+    if angles.any():
+        return (scale * points) @ rotation(angles).T + shift
+    return scale * points + shift
+
+
+def rotation(angles: Sequence[float] | Floats) -> Floats:
+    """About x, then y, then z [degrees], shape (3, 3)."""
     turn = np.eye(3)
     for axis, angle in enumerate(np.deg2rad(angles)):
         i, j = (axis + 1) % 3, (axis + 2) % 3
@@ -28,6 +35,4 @@ def moved(
         about[i, i] = about[j, j] = np.cos(angle)
         about[j, i], about[i, j] = np.sin(angle), -np.sin(angle)
         turn = about @ turn
-    if angles.any():
-        return (scale * points) @ turn.T + shift
-    return scale * points + shift
+    return turn

@@ -12,6 +12,7 @@ import taichi as ti
 
 from tisoft import runtime
 from tisoft.model.placing import placer
+from tisoft.obstacles.base import VELOCITY
 
 CHUNK = 1024
 """Nodes whose energies are added up one after the other: sums do not depend on threads."""
@@ -47,9 +48,8 @@ STEP, GRAVITY, MOST_KINETIC, KICK = 0, 1, 4, 5
 """Columns of `State.settings`."""
 HANDS, HAND_NODES = 4, 32
 """Hands on the bodies of a scene, and nodes of each, at the most."""
-OBSTACLE_NUMBERS = 15
-"""Columns of an obstacle's numbers: seven of `distance`, friction, speed of pushing out [m/s], and
-its surface's velocity w₀ + ω × x: w₀ [m/s] and ω [1/s]."""
+OBSTACLE_NUMBERS = VELOCITY + 6
+"""Columns of an obstacle's numbers, see `obstacles.base`."""
 PRESSURE_NUMBERS = 7
 
 

@@ -16,21 +16,16 @@ from tisoft.moving import moves, pose
 from tisoft.observers.framing import Survey, View, ground_of, room_of, up_of
 from tisoft.observers.quantities import QUANTITIES
 from tisoft.observers.region_colors import first_colors, node_colors, region_of_triangles
+from tisoft.observers.solids import solid_surface
 from tisoft.observers.track import Snapshot
 from tisoft.render.camera import Camera, pixels_of
 from tisoft.render.colormap import body_color, colors_of
 from tisoft.render.items import Capsules, Item, Spheres, Surface
-from tisoft.render.obstacles import (
-    box_surface,
-    plane_surface,
-    rod_surface,
-    shell_surface,
-    sphere_surface,
-)
+from tisoft.render.obstacles import plane_surface
 from tisoft.render.overlay import ColorBar, draw_caption, draw_color_bar, draw_labels
 from tisoft.render.renderer import Renderer
 from tisoft.render.stage import GroundPlane, tile_length
-from tisoft.scene import Box, Capsule, Cylinder, Plane, Scene, Shell, Sphere
+from tisoft.scene import Plane, Scene, Sphere
 
 Floats = NDArray[np.float64]
 Picture = NDArray[np.uint8]
@@ -242,14 +237,9 @@ def obstacle_items(scene: Scene, ground: Plane | None, survey: Survey) -> list[I
     for obstacle in scene.obstacles:
         if isinstance(obstacle, Sphere):
             sunk = min(edge**2 / (4.0 * obstacle.radius), 0.05 * obstacle.radius)
-            items.append(sphere_surface(obstacle.center, obstacle.radius - sunk))
-        elif isinstance(obstacle, Box):
-            items.append(box_surface(obstacle.center, obstacle.size))
-        elif isinstance(obstacle, Capsule | Cylinder):
-            ends = (obstacle.start, obstacle.end, obstacle.radius)
-            items.append(rod_surface(*ends, round_ends=isinstance(obstacle, Capsule)))
-        elif isinstance(obstacle, Shell):
-            items.append(shell_surface(obstacle.points, obstacle.triangles))
+            items.append(solid_surface(obstacle, sunk=sunk))
+        elif not isinstance(obstacle, Plane):
+            items.append(solid_surface(obstacle))
         elif obstacle is not ground:
             middle, normal = 0.5 * (lo + hi), np.array(obstacle.normal)
             below = normal * (normal @ (middle - np.array(obstacle.point)))

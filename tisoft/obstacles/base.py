@@ -4,13 +4,14 @@ Faces of bodies meet an obstacle's core, a point or a line with a radius, and it
 points and edges of its surface.  Nodes meet its `distance` besides.
 
 Points are kept in the obstacle's own coordinates, from which `corner` of its file makes places:
-those are the same however it moves.
+those are the same however it moves.  What `has_frame` knows no directions but the axes: it is met
+in a frame that turns with it (`step.contact`).
 """
 
 # Annotations are kept as types, not as text: text would be looked up where a subclass stands.
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,12 @@ from tisoft.moving import check_motion, pose
 from tisoft.turning import Turn
 
 Floats = NDArray[np.float64]
+
+NUMBERS = 10
+"""An obstacle's numbers: a, b [m], r of `distance`, and its frame c = axis · tan(θ/4)."""
+FRAME, FRICTION, PUSH, VELOCITY = 7, 10, 11, 12
+"""Columns of a row of `State.obstacle`: those numbers, friction, speed of pushing out [m/s], and
+its surface's velocity w₀ + ω × x: w₀ [m/s] and ω [1/s]."""
 
 POINT, LINE, FLAT_LINE = 1, 2, 3
 """Kinds of cores: balls, capsules, and the side of a cylinder, which has no round ends."""
@@ -77,6 +84,7 @@ class Line:
     velocity: Vector | None = None
     path: checks.Timeline | None = None
     turn: Turn | None = None
+    has_frame: ClassVar = False
 
     def __post_init__(self) -> None:
         for key in ("start", "end"):
@@ -89,11 +97,11 @@ class Line:
 
     def numbers(self, origin: Any, times: Any) -> Floats:
         """a, b, r of `distance`: middle and half of the line, and radius, at times [s], seen from a
-        body's origin [m], shape (times, 7).
+        body's origin [m], shape (times, 10).
         """
         turned, way = pose(self, times)
         start, end = self.ends()
-        out = np.zeros((len(way), 7))
+        out = np.zeros((len(way), NUMBERS))
         out[:, :3] = turned @ (0.5 * (start + end)) + way - origin
         out[:, 3:6] = turned @ (0.5 * (end - start))
         out[:, 6] = self.radius

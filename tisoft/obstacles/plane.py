@@ -9,7 +9,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from tisoft import checks
 from tisoft.checks import Vector, keep_number, put
 from tisoft.live import frozen
 from tisoft.moving import check_motion, pose
+from tisoft.obstacles.base import NUMBERS
 from tisoft.turning import Turn
 
 
@@ -46,6 +47,7 @@ class Plane:
     velocity: Vector | None = None
     path: checks.Timeline | None = None
     turn: Turn | None = None
+    has_frame: ClassVar = False
 
     def __post_init__(self) -> None:
         put(self, "point", checks.vector("point", self.point))
@@ -54,9 +56,9 @@ class Plane:
         check_motion(self)
 
     def numbers(self, origin: Any, times: Any) -> NDArray[np.float64]:
-        """a, b, r of `distance` at times [s], seen from a body's origin [m], shape (times, 7)."""
+        """a, b, r of `distance` at times [s], seen from a body's origin [m], shape (times, 10)."""
         turned, way = pose(self, times)
-        out = np.zeros((len(way), 7))
+        out = np.zeros((len(way), NUMBERS))
         out[:, :3] = turned @ np.array(self.normal)
         place = turned @ np.array(self.point) + way - origin
         out[:, 6] = np.einsum("ti,ti->t", out[:, :3], place)

@@ -1,13 +1,13 @@
 """A closed surface of triangles: a bowl, a funnel, a tool.  Bodies' nodes meet its triangles, and
 their faces its points and edges, as they meet another body's (`tisoft.touch`).
 
-    x = a + R X,   R = 1 + (4 (1 − b²) [b]× + 8 [b]×²)/(1 + b²)²,   b = axis · tan(θ/4)
+    x = a + R X
 
-| symbol                | name    | unit |
-| --------------------- | ------- | ---- |
-| rotation by θ         | `b`     | 1    |
-| where its middle is   | `a`     | m    |
-| X from its middle     | `local` | m    |
+| symbol                | name               | unit |
+| --------------------- | ------------------ | ---- |
+| R                     | `numbers[:, FRAME:]` | 1  |
+| where its middle is   | `a`                | m    |
+| X from its middle     | `local`            | m    |
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from tisoft import checks
 from tisoft.checks import FieldError, keep_number, put
@@ -29,7 +30,7 @@ from tisoft.geometry.moving import moved
 from tisoft.geometry.surface import closed, read_surface
 from tisoft.live import frozen
 from tisoft.moving import check_motion, pose
-from tisoft.obstacles.base import Corners
+from tisoft.obstacles.base import FRAME, NUMBERS, Corners
 from tisoft.turning import Turn
 
 Floats = NDArray[np.float64]
@@ -62,6 +63,7 @@ class Shell:
     velocity: checks.Vector | None = None
     path: checks.Timeline | None = None
     turn: Turn | None = None
+    has_frame: ClassVar = True
 
     def __post_init__(self) -> None:
         try:
@@ -80,14 +82,12 @@ class Shell:
         return 0.5 * (self.points.min(axis=0) + self.points.max(axis=0))
 
     def numbers(self, origin: Any, times: Any) -> Floats:
-        """a, b of `corner` at times [s], seen from a body's origin [m], shape (times, 7)."""
+        """a and frame at times [s], seen from a body's origin [m], shape (times, 10)."""
         turned, way = pose(self, times)
-        out = np.zeros((len(way), 7))
+        out = np.zeros((len(way), NUMBERS))
         out[:, :3] = turned @ self.middle + way - origin
         if self.turn is not None:
-            angle = self.turn.rate * np.atleast_1d(np.asarray(times, np.float64))
-            angle = np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi
-            out[:, 3:6] = np.outer(np.tan(0.25 * angle), self.turn.axis)
+            out[:, FRAME:] = Rotation.from_matrix(turned).as_mrp()
         return out
 
     @staticmethod
@@ -98,10 +98,7 @@ class Shell:
     @staticmethod
     def corner(a, b, r, local):  # type: ignore[no-untyped-def]
         """Place [m] of a point of it: a Taichi function."""
-        square = b.dot(b)
-        arm = b.cross(local)
-        turned = 4.0 * (1.0 - square) * arm + 8.0 * b.cross(arm)
-        return a + local + turned / ((1.0 + square) * (1.0 + square))
+        return a + local
 
     def depth(self, points: Floats) -> Floats:
         """Below 0 for all points, shape (n,): see `touch.overlap` for what starts inside."""

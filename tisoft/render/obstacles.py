@@ -19,11 +19,15 @@ def sphere_surface(center: ArrayLike, radius: float, *, color: ArrayLike = GREY)
     return Surface(points + np.asarray(center, float), triangles, color, shine=0.5)
 
 
-def box_surface(center: ArrayLike, size: ArrayLike, *, color: ArrayLike = GREY) -> Surface:
-    """A box along the axes; centre and size (3 lengths) in metres."""
+def box_surface(
+    center: ArrayLike, size: ArrayLike, frame: ArrayLike | None = None, *, color: ArrayLike = GREY
+) -> Surface:
+    """A box; centre and size (3 lengths) in metres, along the columns of a frame, or the axes."""
     points, triangles = cube(CELLS)
-    points = points * np.asarray(size, float) / 2 + np.asarray(center, float)
-    return Surface(points, triangles, color, shine=0.5)
+    points = points * np.asarray(size, float) / 2
+    if frame is not None:
+        points = points @ np.transpose(frame)
+    return Surface(points + np.asarray(center, float), triangles, color, shine=0.5)
 
 
 def plane_surface(

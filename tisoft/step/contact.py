@@ -9,52 +9,78 @@ A node that would end the substep inside an obstacle loses what leads it past th
 and the impulse J of that lets Coulomb friction take at most μ J from the tangential velocity v − w.
 A node that starts inside is put onto the surface, no faster than the obstacle may push.
 
-| symbol | where                             | unit |
-| ------ | --------------------------------- | ---- |
-| gap, n | `distance` of the obstacle's file | m, 1 |
-| μ      | `obstacle[row, 7]`                | 1    |
-| w₀, ω  | `obstacle[row, 9..14]`, w₀ + ω × x | m/s, 1/s |
+| symbol | where                                  | unit     |
+| ------ | -------------------------------------- | -------- |
+| gap, n | `distance` of the obstacle's file      | m, 1     |
+| μ      | `obstacle[row, FRICTION]`              | 1        |
+| w₀, ω  | `obstacle[row, VELOCITY..]`, w₀ + ω × x | m/s, 1/s |
+| R      | `obstacle[row, FRAME..]`, see `turned` | 1        |
 """
 
 import taichi as ti
 
 from tisoft.obstacles import OBSTACLES
+from tisoft.obstacles.base import FRAME, FRICTION, PUSH, VELOCITY
 
 DISTANCES = [ti.func(shape.distance) for shape in OBSTACLES.values()]
 
 CORNERS = [ti.func(shape.corner) for shape in OBSTACLES.values()]
 
 
+FRAMED = [shape.has_frame for shape in OBSTACLES.values()]
+
+
+@ti.func
+def turned(c, x):
+    """R x = x + (4 (1 − c²) c × x + 8 c × (c × x))/(1 + c²)²,  c = axis · tan(θ/4)."""
+    square = c.dot(c)
+    arm = c.cross(x)
+    way = 4.0 * (1.0 - square) * arm + 8.0 * c.cross(arm)
+    return x + way / ((1.0 + square) * (1.0 + square))
+
+
+@ti.func
+def three(state: ti.template(), row, first):
+    """Three of an obstacle's numbers."""
+    return ti.Vector([state.obstacle[row, first + d] for d in ti.static(range(3))])
+
+
 @ti.func
 def corner_place(state: ti.template(), row, local):
     """Place [m] of a point of the obstacle in a row, from its own coordinates."""
-    a = ti.Vector([state.obstacle[row, 0], state.obstacle[row, 1], state.obstacle[row, 2]])
-    b = ti.Vector([state.obstacle[row, 3], state.obstacle[row, 4], state.obstacle[row, 5]])
+    a, b = three(state, row, 0), three(state, row, 3)
     x = 0.0 * local
     for kind in ti.static(range(len(CORNERS))):
         if state.obstacle_kind[row] == kind:
-            x = CORNERS[kind](a, b, state.obstacle[row, 6], local)
+            if ti.static(FRAMED[kind]):
+                own = CORNERS[kind](0.0 * a, b, state.obstacle[row, 6], local)
+                x = a + turned(three(state, row, FRAME), own)
+            else:
+                x = CORNERS[kind](a, b, state.obstacle[row, 6], local)
     return x
 
 
 @ti.func
 def gap_and_normal(state: ti.template(), row, x):
     """Signed distance [m] from the surface of the obstacle in a row to x, and where it grows."""
-    a = ti.Vector([state.obstacle[row, 0], state.obstacle[row, 1], state.obstacle[row, 2]])
-    b = ti.Vector([state.obstacle[row, 3], state.obstacle[row, 4], state.obstacle[row, 5]])
+    a, b = three(state, row, 0), three(state, row, 3)
     gap, normal = 0.0 * x[0], 0.0 * x
     for kind in ti.static(range(len(DISTANCES))):
         if state.obstacle_kind[row] == kind:
-            gap, normal = DISTANCES[kind](a, b, state.obstacle[row, 6], x)
+            if ti.static(FRAMED[kind]):
+                c = three(state, row, FRAME)
+                own = turned(-c, x - a)
+                gap, along = DISTANCES[kind](0.0 * a, b, state.obstacle[row, 6], own)
+                normal = turned(c, along)
+            else:
+                gap, normal = DISTANCES[kind](a, b, state.obstacle[row, 6], x)
     return gap, normal
 
 
 @ti.func
 def surface_velocity(state: ti.template(), row, x):
     """w [m/s] of the surface of the obstacle in a row at x."""
-    w = ti.Vector([state.obstacle[row, 9], state.obstacle[row, 10], state.obstacle[row, 11]])
-    spin = ti.Vector([state.obstacle[row, 12], state.obstacle[row, 13], state.obstacle[row, 14]])
-    return w + spin.cross(x)
+    return three(state, row, VELOCITY) + three(state, row, VELOCITY + 3).cross(x)
 
 
 @ti.func
@@ -78,11 +104,11 @@ def collide(state: ti.template(), i, h, v):
             speed = tangential.norm()
             keep = 0.0 * speed
             if speed > 0.0:
-                keep = ti.max(1.0 - state.obstacle[row, 7] * impulse / speed, 0.0 * speed)
+                keep = ti.max(1.0 - state.obstacle[row, FRICTION] * impulse / speed, 0.0 * speed)
             met = w + keep * tangential + allowed * normal
             carried += w.dot(met - v)
             v = met
         if gap < 0.0:
-            push += ti.min(-gap, state.obstacle[row, 8] * h) * normal
+            push += ti.min(-gap, state.obstacle[row, PUSH] * h) * normal
     state.carried[i] = carried
     return v, push

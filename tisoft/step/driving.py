@@ -25,6 +25,7 @@ from tisoft.model.inputs import (
     VALUES,
 )
 from tisoft.model.state import INPUTS
+from tisoft.obstacles.base import NUMBERS, VELOCITY
 
 FLAT = 1e-12
 """Share of the cube of its size below which the inertia of a face is that of a line."""
@@ -95,8 +96,8 @@ def move_obstacles(s: ti.template(), scene, column):
     row = s.state.ranges[scene, INPUTS]
     for m in range(s.inputs.scene[row, FIRST_MOVED], s.inputs.scene[row, LAST_MOVED]):
         first = s.inputs.moved_signal[m]
-        for c in range(13):
-            into = c if c < 7 else c + 2
+        for c in range(NUMBERS + 6):
+            into = c if c < NUMBERS else c - NUMBERS + VELOCITY
             s.state.obstacle[s.inputs.moved_row[m], into] = ti.cast(
                 signal(s, row, first + c, column), s.inputs.real
             )

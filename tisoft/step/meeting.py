@@ -13,6 +13,7 @@ import taichi as ti
 
 from tisoft.model.state import THREADS, TOUCH_SCENE
 from tisoft.model.threads import SLICE, meet, share
+from tisoft.obstacles.base import VELOCITY
 from tisoft.step import external, forces, ledger
 from tisoft.step.contact import corner_place, surface_velocity
 from tisoft.step.fixed import held
@@ -47,7 +48,7 @@ def stand(s: ti.template(), p):
     s.surfaces.place[p] = x
     s.surfaces.velocity[p], s.surfaces.kicked[p] = v, v
     for d in ti.static(range(3)):
-        s.surfaces.spin[body][d] = s.state.obstacle[row, 12 + d]
+        s.surfaces.spin[body][d] = s.state.obstacle[row, VELOCITY + 3 + d]
 
 
 @ti.func

@@ -18,6 +18,7 @@ how many there are.
 
 import taichi as ti
 
+from tisoft.obstacles.base import FRICTION
 from tisoft.step.contact import gap_and_normal, surface_velocity
 from tisoft.step.fixed import free
 
@@ -120,7 +121,9 @@ def push_out(s: ti.template(), p, x, now):
                 speed = tangential.norm()
                 change = kick * normal
                 if speed > 0.0:
-                    change -= ti.min(s.state.obstacle[row, 7] * kick / speed, 1.0) * tangential
+                    change -= (
+                        ti.min(s.state.obstacle[row, FRICTION] * kick / speed, 1.0) * tangential
+                    )
                 push = ti.max(-gap - h * kick, 0.0 * h) * normal
                 for a in range(s.touch.corners):
                     i = s.touch.corner[p, a]

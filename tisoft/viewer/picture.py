@@ -19,8 +19,10 @@ from tisoft.geometry.cells import CELLS
 from tisoft.moving import pose
 from tisoft.observers.quantities import QUANTITIES, node_values
 from tisoft.observers.scenery import COLORMAP
+from tisoft.observers.solids import solid_surface
 from tisoft.render.colormap import table
-from tisoft.scene import Scene
+from tisoft.render.items import SmoothVertices
+from tisoft.scene import Plane, Scene, Sphere
 from tisoft.simulation import Simulation
 from tisoft.stable.limit import Limit
 from tisoft.viewer.drawn import Drawn
@@ -114,12 +116,11 @@ class Painter:
             self._topology = self.drawn.topology(positions)
             colors = (255.0 * table(COLORMAP)).round().astype(int)
             self._topology["map"] = colors.ravel().tolist()
-        obstacles = [{"kind": type(o).__name__.lower(), **_plain(o)} for o in self.scene.obstacles]
         return {
             "elements": sum(body.mesh.elements for body in self.scene.bodies),
             "lo": rows.min(axis=0).tolist(),
             "hi": rows.max(axis=0).tolist(),
-            "obstacles": obstacles,
+            "obstacles": [_plain(obstacle) for obstacle in self.scene.obstacles],
             "probes": [probe.name for probe in self.scene.probes],
             "extra": len(self._extra(sim, positions)),
             **self._topology,
@@ -140,6 +141,16 @@ def _segments(body: Any, kind: str, element: int) -> NDArray[np.int64]:
 
 
 def _plain(obstacle: Any) -> dict[str, Any]:
-    kept = ("point", "normal", "center", "radius", "size")
-    found = {name: getattr(obstacle, name) for name in kept if hasattr(obstacle, name)}
-    return {name: np.asarray(value, np.float64).tolist() for name, value in found.items()}
+    """An obstacle at t = 0, for JSON: planes and balls by their numbers, others by triangles."""
+    if isinstance(obstacle, Plane):
+        return {"kind": "plane", "point": obstacle.point, "normal": obstacle.normal}
+    if isinstance(obstacle, Sphere):
+        return {"kind": "sphere", "center": obstacle.center, "radius": obstacle.radius}
+    surface = solid_surface(obstacle)
+    positions = np.asarray(surface.positions, np.float64)
+    smooth = SmoothVertices.of(positions, np.asarray(surface.triangles))
+    return {
+        "kind": "solid",
+        "points": positions[smooth.nodes].ravel().tolist(),
+        "triangles": smooth.triangles.ravel().tolist(),
+    }

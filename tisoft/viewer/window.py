@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft.observers.framing import up_of
-from tisoft.render.obstacles import box_surface, plane_surface, sphere_surface
-from tisoft.scene import Plane, Sphere
+from tisoft.observers.solids import solid_surface
+from tisoft.render.obstacles import plane_surface
+from tisoft.scene import Plane
 from tisoft.viewer.controller import SLOWEST, Controller
 from tisoft.viewer.picking import pick
 from tisoft.viewer.picture import CULPRIT, Snapshot
@@ -413,6 +414,4 @@ def _surface(obstacle: Any, middle: Floats, size: float) -> Any:
         normal = np.array(obstacle.normal)
         below = normal * (normal @ (middle - np.array(obstacle.point)))
         return plane_surface(middle - below, normal, 6.0 * size)
-    if isinstance(obstacle, Sphere):
-        return sphere_surface(obstacle.center, obstacle.radius)
-    return box_surface(obstacle.center, obstacle.size)
+    return solid_surface(obstacle)

@@ -104,7 +104,11 @@ function obstacle(o) {
   } else if (o.kind == 'sphere') {
     m = new T.Mesh(new T.SphereGeometry(o.radius, 48, 24), stuff); m.position.set(...o.center);
   } else {
-    m = new T.Mesh(new T.BoxGeometry(...o.size), stuff); m.position.set(...o.center);
+    const g = new T.BufferGeometry();
+    g.setAttribute('position', new T.BufferAttribute(Float32Array.from(o.points), 3));
+    g.setIndex(o.triangles);
+    g.computeVertexNormals();
+    m = new T.Mesh(g, stuff);
   }
   m.receiveShadow = true;
   return m;
