@@ -325,6 +325,15 @@ def test_vtu_data_in_base64_of_every_sort(tmp_path, size, options):
     is_cube(read_mesh(text(tmp_path, "a.vtu", content)))
 
 
+def test_a_region_of_several_pieces_is_one(tmp_path):
+    numbers = data_array("material", np.array([1, 1, 2, 2, 2]))
+    content = vtu(cube_arrays(), extra=f"<CellData>{numbers}</CellData>")
+    piece = content[content.index("<Piece") : content.index("</UnstructuredGrid>")]
+    mesh = read_mesh(text(tmp_path, "a.vtu", content.replace(piece, 2 * piece)))
+    assert [(r.name, r.tag, r.tets.tolist()) for r in mesh.regions] == [
+        ("1", 1, [0, 1, 5, 6]), ("2", 2, [2, 3, 4, 7, 8, 9])]  # fmt: skip
+
+
 @pytest.mark.parametrize("order", ["<", ">"])
 def test_raw_appended_data_need_not_be_xml(tmp_path, order):
     arrays = [
@@ -386,6 +395,9 @@ def test_legacy_vtk_with_words_attributes_and_metadata_between(tmp_path):
         ("a.vtk", "# vtk DataFile Version 3.0\nx\nASCII\nDATASET STRUCTURED_GRID\n",
          "a STRUCTURED_GRID"),
         ("a.vtu", '<VTKFile type="PUnstructuredGrid"></VTKFile>', "only lists other files"),
+        ("a.pvd", '<VTKFile type="Collection"></VTKFile>', "only lists other files"),
+        ("a.inp", "*Node\n1, 0., 0., 0.\n".encode("utf-16"), "in UTF-16; save it as UTF-8"),
+        ("a.inp", "*Node\r1, 0., 0., 0.\r", "CR alone"),
         ("a.vtu", '<VTKFile type="ImageData"></VTKFile>', "it holds a ImageData"),
         ("a.vtu", vtu(cube_arrays()).replace("<VTKFile", f"<VTKFile compressor='{LZ4}'"),
          "vtkLZ4DataCompressor; save it with zlib"),

@@ -73,6 +73,14 @@ def groups_by_number(
     return groups
 
 
+def joined(groups: list[Group]) -> list[Group]:
+    """Groups of one name and number, as pieces of a file have them, as one."""
+    found: dict[tuple[str, int | None], list[Ints]] = {}
+    for group in groups:
+        found.setdefault((group.name, group.tag), []).append(group.members)
+    return [Group(*key, np.concatenate(members)) for key, members in found.items()]
+
+
 def numbered(rows: Ints, labels: Ints, what: str) -> Ints:
     """Node labels of cells as places in the list of nodes, whose labels may be sparse.
 

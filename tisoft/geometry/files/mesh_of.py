@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tisoft.errors import MeshError
 from tisoft.geometry.cells import QUADRATIC_EDGES
 from tisoft.geometry.files import kinds
-from tisoft.geometry.files.content import Content, Ints
+from tisoft.geometry.files.content import Content, Ints, joined
 from tisoft.geometry.files.kinds import Kind
 from tisoft.geometry.groups import NodeSet, Region
 from tisoft.geometry.mesh import Mesh, SolidMesh, SpringNet, TetMesh, spring_net, tet_mesh
@@ -161,7 +161,7 @@ class _Shapes:
             counted = ", ".join(plural(count, kind.name) for kind, count in bent.items())
             found.append(
                 f"{counted} are read by their corners: edges become straight and the nodes between "
-                "corners are dropped; linear tets bend more stiffly"
+                "corners are dropped; such cells bend more stiffly"
             )
         cut = Counter[Kind]()
         for kind, count in self.cut:
@@ -227,7 +227,7 @@ def _beside(content: Content) -> list[str]:
 def _regions(content: Content, owners: list[Ints]) -> list[Region]:
     """Regions of elements, which come from the cells that `owners` say (ascending in each)."""
     regions = []
-    for group in content.cell_groups:
+    for group in joined(content.cell_groups):
         cells = np.unique(group.members)
         rows, begun = [], 0
         for own in owners:
@@ -246,14 +246,14 @@ def _sets(content: Content, row_of: Ints) -> list[NodeSet]:
     """Sets of nodes, and of faces and edges; what no tet uses is left out."""
     found = []
     nothing = np.empty((0, 3), np.int32)
-    for group in content.cell_groups:
+    for group in joined(content.cell_groups):
         faces, nodes = _flat_cells(content, np.unique(group.members))
         triangles = row_of[np.concatenate(faces)] if faces else nothing
         triangles = triangles[(triangles >= 0).all(axis=1)].astype(np.int32)
         kept = _kept(np.concatenate(nodes), row_of)
         if len(kept):
             found.append(NodeSet(group.name, group.tag, kept, triangles))
-    for group in content.node_groups:
+    for group in joined(content.node_groups):
         kept = _kept(group.members, row_of)
         if len(kept):
             found.append(NodeSet(group.name, group.tag, kept, nothing))

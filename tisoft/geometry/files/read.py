@@ -122,6 +122,10 @@ def _content(path: Path) -> Content:
 def _format(path: Path) -> str:
     """The format's name: of the first bytes, else of the suffix."""
     head = _head(path)
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise MeshError("it is text in UTF-16; save it as UTF-8")
+    if b"\r" in head.rstrip() and b"\n" not in head and head.isascii():
+        raise MeshError("its lines end with CR alone; save it with LF or CR LF")
     for name, words in _SIGNS:
         if re.compile(words, re.MULTILINE | re.IGNORECASE).match(head):
             return name

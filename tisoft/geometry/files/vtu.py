@@ -46,7 +46,7 @@ def read_vtu(data: bytes) -> Content:
     grid = file.root.find("UnstructuredGrid")
     if kind == "PolyData":
         raise MeshError(SURFACE)
-    if kind.startswith("P") or kind.startswith("vtkMultiBlock"):
+    if kind.startswith(("P", "vtkMultiBlock", "vtkPartitioned", "Collection")):
         raise MeshError(f"it holds a {kind}, which only lists other files; name one of those")
     if kind != "UnstructuredGrid" or grid is None:
         raise MeshError(f"it holds a {kind}, no tets; convert it to an UnstructuredGrid of tets")
