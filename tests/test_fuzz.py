@@ -96,10 +96,12 @@ MOVING = [
     {"sphere": {"center": [0, -0.6, 0], "radius": 0.5}, "path": [[0, 0, 0, 0], [1, 0, 0.5, 0]]},
     {"plane": {}, "turn": {"point": [0, 0, 0], "axis": [0, 0, 1], "rate": 1.0}, "friction": 0.3},
     {"box": {"center": [0, -1, 0], "size": [1, 1, 1]}, "velocity": [0, 1, 0]},
+    {"box": {"center": [0, -1, 0], "size": [1, 1, 1], "rotate": [10, 20, 30]},
+     "turn": {"point": [0, 0, 0], "axis": [1, 1, 0], "rate": 3.0}},
     {"capsule": {"from": [-1, -0.3, 0], "to": [1, -0.3, 0], "radius": 0.2}},
     {"cylinder": {"from": [0, -0.5, -1], "to": [0, -0.5, 1], "radius": 0.4}, "friction": 0.1},
     {"file": "ball.stl", "translate": [0, -1, 0]},
-]
+]  # fmt: skip
 REGIONS = [{"name": "1", "young": 2e5}, {"tag": 1, "density": 500.0, "eta": 1.0}]
 MORE = {
     "region": [[], [], [REGIONS[0]], [REGIONS[1]]],
