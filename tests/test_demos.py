@@ -23,7 +23,7 @@ def test_list_names_every_demo_with_a_sentence(capsys):
     assert main(["demo", "--list", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)
     names = {row["name"] for row in rows}
-    assert names == {"creature", "softness", "four-ways", "elements", "twist", "cloth", "nets"}
+    assert names == {"creature", "softness", "four-ways", "twist", "cloth", "nets"}
     assert all(row["about"].endswith(".") and Path(row["file"]).is_file() for row in rows)
     assert all(row["seconds"] >= 1 for row in rows)
 

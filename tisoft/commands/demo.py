@@ -22,7 +22,6 @@ GALLERY = {
     "creature": (0.135, 12),
     "softness": (0.12, 15),
     "four-ways": (0.2, 12),
-    "elements": (0.2, 12),
     "twist": (0.45, 15),
     "cloth": (0.5, 10),
     "nets": (0.25, 14),
