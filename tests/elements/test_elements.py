@@ -13,6 +13,7 @@ import surfaces
 from surfaces import block
 
 import tisoft as ts
+from tisoft.elements.matrices import hooke_blocks, stiffest
 from tisoft.equilibrium.modes import natural_modes
 from tisoft.equilibrium.operators import Elastic
 from tisoft.geometry.cage.build import caged
@@ -252,3 +253,11 @@ def test_a_cell_filled_in_part_passes_the_patch_test():
     own = (3 * cells.nodes[0][:, None] + np.arange(3)).ravel()
     found = elastic.stiffness(np.zeros_like(elastic.rest)).toarray()[np.ix_(own, own)]
     assert np.abs(found - K).max() < 1e-12 * np.abs(K).max()
+
+
+@pytest.mark.parametrize("lam, mu", [(1.0, 1.0), (50.0, 1.0), (-0.6, 1.0), (0.0, 1.0), (1.0, 0.0)])
+def test_stiffest_is_the_largest_eigenvalue_of_the_element_matrix(lam, mu):
+    g = np.random.default_rng(5).normal(size=(6, 4, 3)) * [[[3.0, 1.0, 0.01]]]
+    g[0] = [[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0]]  # three axes alike
+    full = hooke_blocks(g[:, None], np.ones((6, 1)), lam, mu)
+    assert stiffest(g, lam, mu) == pytest.approx(np.linalg.eigvalsh(full)[:, -1], rel=1e-7)

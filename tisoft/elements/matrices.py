@@ -55,21 +55,36 @@ def each(rest: Floats, function: Callable[[Floats], Floats]) -> Floats:
 
 
 def stiffest(g: Floats, lam: float, mu: float) -> Floats:
-    """λ_max of Bᵀ C B [Pa/m²] for Lamé constants lam, mu, shape (cells,), as that of the 6×6 matrix
-    √C (B Bᵀ) √C; g: ∇N_a at one point of each cell [1/m], shape (cells, corners, 3).
+    """λ_max of Bᵀ C B [Pa/m²] for Lamé constants lam, mu, shape (cells,).
+
+    In the principal axes of G = Σ ∇N_a ∇N_aᵀ, with values γ, a shear stands alone: μ (γ_i + γ_j).
+    The stretches meet in 2μ diag(γ) + λ √γ √γᵀ, whose characteristic polynomial asks for the
+    invariants of G only.
+
+    Args: g: ∇N_a at one point of each cell [1/m], shape (cells, corners, 3).
     """
     gram = np.einsum("eai,eaj->eij", g, g)
-    # B Bᵀ in Voigt order xx yy zz yz zx xy with engineering shears.
-    size = np.zeros((len(g), 6, 6))
-    pairs = [(0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)]
-    for p, (i, j) in enumerate(pairs):
-        for q, (k, m) in enumerate(pairs):
-            total = (i == k) * gram[:, j, m] + (j == m) * gram[:, i, k]
-            total = total + (i == m) * gram[:, j, k] + (j == k) * gram[:, i, m]
-            size[:, p, q] = total / ((1 + (i == j)) * (1 + (k == m)))
-    law = np.diag([2.0 * mu] * 3 + [mu] * 3)
-    law[:3, :3] += lam
-    values, vectors = np.linalg.eigh(law)
-    root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
-    top: Floats = np.linalg.eigvalsh(root @ size @ root)[:, -1]
-    return top
+    first = np.trace(gram, axis1=1, axis2=2)
+    second = (first**2 - np.einsum("eij,eij->e", gram, gram)) / 2.0
+    third = np.linalg.det(gram)
+    _, stretch = _roots(
+        (2.0 * mu + lam) * first,
+        4.0 * mu * (mu + lam) * second,
+        4.0 * mu**2 * (2.0 * mu + 3.0 * lam) * third,
+    )
+    if lam >= 0.0:
+        return stretch
+    least, _ = _roots(first, second, third)
+    return np.maximum(stretch, mu * (first - least))
+
+
+def _roots(a: Floats, b: Floats, c: Floats) -> tuple[Floats, Floats]:
+    """The least and the largest of the three real roots of x³ − a x² + b x − c (Viète)."""
+    middle = a / 3.0
+    spread = np.sqrt(np.maximum(middle**2 - b / 3.0, 0.0))
+    skew = middle**3 - 0.5 * b * middle + 0.5 * c
+    cosine = np.divide(skew, spread**3, out=np.ones_like(skew), where=spread > 0.0)
+    angle = np.arccos(np.clip(cosine, -1.0, 1.0)) / 3.0
+    return middle + 2.0 * spread * np.cos(
+        angle + 2.0 / 3.0 * np.pi
+    ), middle + 2.0 * spread * np.cos(angle)
