@@ -191,4 +191,4 @@ def test_a_dragged_point_is_where_the_mouse_is(page, control):
     page.mouse.up()
     assert np.hypot(point[0] - x, point[1] - (y - 60)) < 0.03 * 60
     until(page, "tisoft.status.pull == null")
-    assert not control.hands and not control.sim.recoveries
+    assert not control.hands.held and not control.sim.recoveries

@@ -92,20 +92,20 @@ def test_the_hand_follows_drops_and_refuses(control):
     point = shown.rest_point(np.array(rows), np.array([0.2, 0.3, 0.5]))
     order(control, do="grab", rows=rows, weights=[0.2, 0.3, 0.5], point=[*point], number=3)
     control.tick()
-    hand = control.hands[1]
+    hand = control.hands.held[1]
     mesh = control.scene.bodies[0].mesh
     assert hand.body is control.scene.bodies[0]
     assert np.allclose(hand.weights @ mesh.points[hand.nodes], point)
     order(control, do="drag", point=[1.0, 2.0, 3.0], number=4)
     order(control, viewer=2, do="drag", point=[9.0, 9.0, 9.0], number=5)  # holds nothing
     control.tick()
-    assert hand.target == [1.0, 2.0, 3.0] and control.drag == 4
+    assert hand.target == [1.0, 2.0, 3.0] and control.hands.drag == 4
     order(control, do="drop")
     control.tick()
-    assert hand.released and not control.hands
+    assert hand.released and not control.hands.held
     order(control, do="grab", rows=[10**6], weights=[1.0], point=[0, 0, 0], number=6)
     control.tick()
-    assert "hand" in control.error and not control.hands
+    assert "hand" in control.error and not control.hands.held
 
 
 def test_real_time_is_kept_debt_is_dropped_and_a_pause_stops(control):

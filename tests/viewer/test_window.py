@@ -30,13 +30,14 @@ x, y = window.orbit.project(control.snapshot.positions[-1].astype(float), 320 / 
 window._press(float(x) - 0.01, float(y) - 0.01, control.snapshot)
 window._drag(float(x), float(y) + 0.1, 0.0, 0.1)
 control.tick()
-hand = control.hands[window]
+held = control.hands.held
+hand = held[window]
 window._drop()
 window._key(" ")
 control.tick()
 window.show()
 window.close()
-print("pulled", hand.target[1] > control.snapshot.positions[-1][1], control.paused, control.hands)
+print("pulled", hand.target[1] > control.snapshot.positions[-1][1], control.paused, held)
 """
 
 

@@ -22,10 +22,9 @@ from tisoft.errors import SceneError, TisoftError
 from tisoft.observers.quantities import node_values
 from tisoft.scene import Scene
 from tisoft.simulation import Simulation
-from tisoft.viewer.carrying import Carried, CarriedObstacle, CarriedPin, pin_near
 from tisoft.viewer.changing import Changes
+from tisoft.viewer.hands import Hands
 from tisoft.viewer.orders import COLORS
-from tisoft.viewer.picking import patch
 from tisoft.viewer.picture import Painter, Snapshot
 from tisoft.viewer.recording import Recording, free_name, recording_to
 
@@ -90,8 +89,6 @@ class Controller:
         self.singles = 0
         self.dropped = 0.0
         """Seconds of debt dropped so far."""
-        self.hands: dict[Any, Any] = {}
-        self.drag = 0
         self.recording: Recording | None = None
         self._finishing: Iterator[None] | None = None
         self._kept: Snapshot | None = None
@@ -100,9 +97,10 @@ class Controller:
         self.owns = sim is None
         """Whether the simulation is its own, to begin anew."""
         self.sim = self._begin() if sim is None else sim
+        self.hands = Hands(self.sim, self.painter.drawn)
         self.adopt(self.sim)
         self._told, self._told_at = self._look(), self.clock()
-        self.snapshot = self.painter.snapshot(self.sim, self.drag)
+        self.snapshot = self.painter.snapshot(self.sim, self.hands.drag)
 
     def _begin(self) -> Simulation:
         elements = sum(b.mesh.elements for b in self.scene.bodies)
@@ -114,7 +112,7 @@ class Controller:
 
     def adopt(self, sim: Simulation) -> None:
         """Show this simulation, of the bodies that are shown."""
-        self.sim = sim
+        self.sim = self.hands.sim = sim
         self.scene = self.painter.scene = self.changes.scene = sim.scene
         self._due = self.clock()
         self._meter: collections.deque[tuple[float, float]] = collections.deque(maxlen=60)
@@ -174,7 +172,7 @@ class Controller:
     def _step(self) -> bool:
         made = True
         try:
-            self._lead()
+            self.hands.lead()
             self.sim.step()
         except TisoftError as error:
             made = False
@@ -182,12 +180,6 @@ class Controller:
         self._owe()
         self.stepped()
         return made
-
-    def _lead(self) -> None:
-        """Lead what hands carry through the coming frame."""
-        for hand in self.hands.values():
-            if isinstance(hand, Carried):
-                hand.advance(self.sim.time, 1.0 / self.scene.frame_rate)
 
     def stepped(self) -> None:
         """Take note of a frame that was made."""
@@ -225,10 +217,10 @@ class Controller:
                 break
             else:
                 self.wait(min(self._due - self.clock(), NAP))
-        self._lead()
+        self.hands.lead()
 
     def _fail(self, error: TisoftError) -> None:
-        self.drop_all()
+        self.hands.drop_all()
         self.paused, self.singles, self.failed = True, 0, True
         last = self.changes.last
         undo = f"; the last change was {last}: undo it (U)" if last else ""
@@ -245,7 +237,7 @@ class Controller:
                 continue
             asked = {name: value for name, value in order.items() if name != "do"}
             try:
-                _ORDERS[order["do"]](self, viewer, **asked)
+                _ORDERS[order["do"]](self)(viewer, **asked)
             except TisoftError as error:
                 self.error = str(error)
 
@@ -257,7 +249,7 @@ class Controller:
         self.wants = self.stale = False
         if begun - self._told_at > TOLD_EVERY:
             self._told_at, self._told = begun, self._look()
-        self.snapshot = self._kept or self.painter.snapshot(self.sim, self.drag)
+        self.snapshot = self._kept or self.painter.snapshot(self.sim, self.hands.drag)
         self._kept = None
         if self.painter.error:
             self.error, self.painter.error = self.painter.error, ""
@@ -277,7 +269,7 @@ class Controller:
     def _keep(self) -> None:
         assert self.recording is not None
         if self.recording.needs_shot:
-            self._kept = self.painter.snapshot(self.sim, self.drag)
+            self._kept = self.painter.snapshot(self.sim, self.hands.drag)
         try:
             self.recording.keep(self.sim, self._kept)
         except TisoftError as error:
@@ -320,67 +312,6 @@ class Controller:
 
     # -- orders --------------------------------------------------------------------------------
 
-    def grab(
-        self, viewer: Any, rows: list[int], weights: list[float], point: list[float], number: int
-    ) -> None:
-        """Take Σ w x of drawn rows in a viewer's hand; its point is to be at `point` [m]."""
-        self.drop(viewer)
-        shown, at_rest = self._held(rows, weights)
-        mass = self.sim.masses()[self.sim.part(shown.body).nodes]
-        nodes, shares = patch(shown.body.mesh.points, mass, at_rest)
-        self.hands[viewer] = self.sim.grab(shown.body, nodes, shares, point)
-        self.drag = number
-
-    def _held(self, rows: list[int], weights: list[float]) -> tuple[Any, Any]:
-        """The body that these drawn rows belong to, and where Σ w x is in it at rest."""
-        held = np.array(rows)
-        shown = self.painter.drawn.owner(held)
-        if shown is None:
-            raise SceneError("a hand holds one body; these rows are of none, or of several")
-        return shown, shown.rest_point(held, np.array(weights))
-
-    def carry_pin(
-        self, viewer: Any, rows: list[int], weights: list[float], point: list[float], number: int
-    ) -> None:
-        """Take the pin that holds the body there; where none does, the body itself."""
-        shown, at_rest = self._held(rows, weights)
-        mass = self.sim.masses()[self.sim.part(shown.body).nodes]
-        near = patch(shown.body.mesh.points, mass, at_rest)[0][:8]
-        found = pin_near(shown.body, near, self.sim.time)
-        if found is None:
-            self.grab(viewer, rows, weights, point, number)
-            return
-        self.drop(viewer)
-        self._carry(viewer, CarriedPin(shown.body, found, point, self.sim.time), number)
-
-    def carry_obstacle(self, viewer: Any, obstacle: int, point: list[float], number: int) -> None:
-        """Take an obstacle in a viewer's hand."""
-        self.drop(viewer)
-        if obstacle >= len(self.scene.obstacles):
-            raise SceneError(f"there is no obstacle {obstacle}")
-        carried = CarriedObstacle(self.scene, obstacle, point, self.sim.time)
-        self._carry(viewer, carried, number)
-
-    def _carry(self, viewer: Any, carried: Carried, number: int) -> None:
-        self.hands[viewer], self.drag = carried, number
-
-    def move(self, viewer: Any, point: list[float], number: int) -> None:
-        """Bring a viewer's hand to a point [m]."""
-        if viewer in self.hands:
-            self.hands[viewer].target = point
-            self.drag = number
-
-    def drop(self, viewer: Any) -> None:
-        """Let go of what a viewer holds."""
-        hand = self.hands.pop(viewer, None)
-        if hand is not None:
-            hand.release()
-
-    def drop_all(self) -> None:
-        """Let go of everything."""
-        for viewer in list(self.hands):
-            self.drop(viewer)
-
     def pause(self, viewer: Any, on: bool) -> None:
         """Stop, or go on from the present state."""
         self.paused, self.singles = on, 0
@@ -395,7 +326,7 @@ class Controller:
 
     def reset(self, viewer: Any) -> None:
         """Begin the scene anew: time, pins, loads, guard; the materials stay as they are set."""
-        self.drop_all()
+        self.hands.drop_all()
         if not self.owns:
             raise SceneError("this run belongs to a script, which alone can begin it anew")
         self.error, self.failed = "", False
@@ -464,7 +395,6 @@ class Controller:
 
     def status(self) -> dict[str, Any]:
         """What the panel tells, for JSON."""
-        pull = [float(np.linalg.norm(hand.force)) for hand in self.hands.values()]
         recording = self.recording
         return {
             "time": self.sim.time,
@@ -477,8 +407,7 @@ class Controller:
             "undo": self.changes.last,
             "color": self.color,
             "hold": self.painter.hold,
-            "pull": sum(pull) if pull else None,
-            "carries": [hand.name for hand in self.hands.values() if isinstance(hand, Carried)],
+            **self.hands.told(),
             "recoveries": len(self.sim.recoveries),
             "numbers": self.changes.numbers(),
             "recording": None if recording is None else {
@@ -528,21 +457,21 @@ def _subject(viewer: Any, order: dict[str, Any]) -> tuple[Any, ...]:
     return id(viewer), order["do"], order.get("body"), order.get("name")
 
 
-_ORDERS: dict[str, Callable[..., None]] = {
-    "grab": Controller.grab,
-    "pin": Controller.carry_pin,
-    "obstacle": Controller.carry_obstacle,
-    "drag": Controller.move,
-    "drop": Controller.drop,
-    "pause": Controller.pause,
-    "step": Controller.single,
-    "reset": Controller.reset,
-    "undo": Controller.undo,
-    "record": Controller.record,
-    "speed": Controller.set_speed,
-    "color": Controller.set_color,
-    "hold": Controller.set_hold,
-    "range": Controller.set_range,
-    "gravity": Controller.set_gravity,
-    "material": Controller.set_material,
+_ORDERS: dict[str, Callable[[Controller], Callable[..., None]]] = {
+    "grab": lambda control: control.hands.grab,
+    "pin": lambda control: control.hands.carry_pin,
+    "obstacle": lambda control: control.hands.carry_obstacle,
+    "drag": lambda control: control.hands.move,
+    "drop": lambda control: control.hands.drop,
+    "pause": lambda control: control.pause,
+    "step": lambda control: control.single,
+    "reset": lambda control: control.reset,
+    "undo": lambda control: control.undo,
+    "record": lambda control: control.record,
+    "speed": lambda control: control.set_speed,
+    "color": lambda control: control.set_color,
+    "hold": lambda control: control.set_hold,
+    "range": lambda control: control.set_range,
+    "gravity": lambda control: control.set_gravity,
+    "material": lambda control: control.set_material,
 }

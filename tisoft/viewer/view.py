@@ -59,7 +59,7 @@ class View:
             for _ in self.frames(seconds):
                 pass
         except KeyboardInterrupt:
-            self.control.drop_all()
+            self.control.hands.drop_all()
 
     def frames(self, seconds: float | None = None) -> Iterator[Frame]:
         """The present frame, then each as it is made, in step with the clock: for so many simulated
@@ -92,7 +92,7 @@ class View:
         if self.is_open:
             self.is_open = False
             self.end_recording()
-            self.control.drop_all()
+            self.control.hands.drop_all()
             self.control.put_back()
             self._server.close()
 
@@ -115,7 +115,7 @@ class View:
         bodies = [body.mesh for body in sim.scene.bodies]
         if len(shown) != len(bodies) or any(a is not b for a, b in zip(shown, bodies, strict=True)):
             raise SceneError("this view shows other bodies; make one of this run's scene")
-        self.control.drop_all()
+        self.control.hands.drop_all()
         self.control.owns = sim is self.control.sim and self.control.owns
         self.control.adopt(sim)
 
@@ -127,7 +127,7 @@ class View:
 
     def on_end(self, sim: Simulation) -> None:
         """Let go."""
-        self.control.drop_all()
+        self.control.hands.drop_all()
 
 
 def view(
