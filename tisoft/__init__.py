@@ -1,5 +1,6 @@
 """Soft bodies in real time with Taichi, which know how far they can be trusted."""
 
+import inspect
 import os
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -7,6 +8,9 @@ from typing import TYPE_CHECKING
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
 os.environ.setdefault("TI_ENABLE_PYBUF", "0")
+# Taichi asks `inspect` for the line that imports, once for each function that it is to compile.
+# Unless the importer is known here, Python looks through all modules each time: .3 s a start.
+getattr(inspect, "modulesbyfile", {})["<frozen importlib._bootstrap>"] = "importlib._bootstrap"
 
 if TYPE_CHECKING:
     from tisoft import where
