@@ -19,6 +19,8 @@ from tisoft.render.colormap import table
 Picture = NDArray[np.uint8]
 
 INK = (38, 44, 52)
+PAPER = (236, 239, 242)
+"""Round the letters of labels, which may lie on anything."""
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
 
 
@@ -120,11 +122,12 @@ def draw_labels(picture: Picture, texts: Sequence[str], places: NDArray[np.float
     """
     height = picture.shape[0]
     unit = max(height / 36.0, 14.0)
-    face = font(round(0.62 * unit))
+    face = font(round(0.85 * unit))
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image)
     for text, (x, y) in zip(texts, places, strict=True):
         lines = text.replace(", ", "\n")
-        top = min(y + 0.5 * unit, height - unit * (0.8 * (lines.count("\n") + 1) + 0.3))
-        draw.multiline_text((x, top), lines, fill=INK, font=face, anchor="ma", align="center")
+        top = min(y + 0.5 * unit, height - unit * (1.15 * (lines.count("\n") + 1) + 0.3))
+        halo = {"stroke_width": round(0.1 * unit), "stroke_fill": PAPER}
+        draw.multiline_text((x, top), lines, INK, face, anchor="ma", align="center", **halo)
     return np.asarray(image)
