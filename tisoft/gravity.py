@@ -14,19 +14,21 @@ from tisoft.checks import Timeline, Vector
 
 Floats = NDArray[np.float64]
 Gravity = Vector | Timeline
+ROW = (list, tuple, np.ndarray)
+"""What a row in time may be."""
 
 
 def check_gravity(field: str, value: Any) -> Gravity:
     """The value as gravity; raises FieldError."""
     items = checks.sequence(field, value, "numbers (x, y, z), or rows (t, gx, gy, gz)")
-    if items and isinstance(items[0], (list, tuple, np.ndarray)):
+    if items and isinstance(items[0], ROW):
         return checks.timeline(field, items, 4, "(t, gx, gy, gz)")
     return checks.vector(field, items, unit="m/s²")
 
 
 def changes(gravity: Any) -> bool:
     """Whether it is another one from time to time."""
-    return np.ndim(gravity) == 2 and len(gravity) > 1
+    return len(gravity) > 1 and isinstance(gravity[0], ROW)
 
 
 def gravity_at(gravity: Any, time: float) -> Floats:

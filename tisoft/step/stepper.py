@@ -89,6 +89,8 @@ class Stepper:
         self.trial = max(TRIAL, TRIAL_WORK // max(1, work))
         self.loaded = False
         """Whether loads and pressures act."""
+        self.tripped = False
+        """Whether the last launch ended early."""
         self.schedule = schedule
         self.structure = Structure(
             system.state,
@@ -159,6 +161,7 @@ class Stepper:
         done, end = 0, count * passes
         while done < end:
             done = self._launch(done, end)
+            self.tripped = bool(self.system.state.orders[self.system.scene, columns.TRIPPED])
             if self.tripped:
                 return int(self.system.state.orders[self.system.scene, columns.DONE])
         return count
@@ -235,11 +238,6 @@ class Stepper:
 
     def _tries(self) -> bool:
         return self.fixed is None and self.pace.is_trial()
-
-    @property
-    def tripped(self) -> bool:
-        """Whether the last launch ended early."""
-        return bool(self.system.state.orders[self.system.scene, columns.TRIPPED])
 
     def kinetic(self, number: int) -> float:
         """Kinetic energy [J] at the end of a stretch of the last launch."""
