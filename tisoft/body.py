@@ -86,8 +86,8 @@ class Body(Live):
     skin: Skin | None = None
     contact: bool = True
     """Whether its surface touches other bodies, and itself."""
-    self_contact: bool = False
-    """Whether it touches itself."""
+    self_contact: bool | None = None
+    """Whether it touches itself; None: sheets of springs do."""
     thickness: float | None = None
     """Distance [m] that surfaces keep; None: a small share of its edges."""
     friction: float = 0.3
@@ -109,7 +109,7 @@ class Body(Live):
         "regions": Regions.of,
         "skin": live.perhaps(live.a(Skin, "a skin, as of tisoft.skin or tisoft.read_skin")),
         "contact": checks.flag,
-        "self_contact": checks.flag,
+        "self_contact": live.perhaps(checks.flag),
         "thickness": live.perhaps(live.number(above=0.0, unit="m")),
         "friction": live.number(least=0.0),
     }

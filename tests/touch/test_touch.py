@@ -192,3 +192,50 @@ def test_a_slab_that_starts_in_closed_triangles_is_refused():
     scene, _ = on(ts.Shell(around.rest, around.triangles))
     with pytest.raises(ts.SceneError, match=r'body0" starts 0\.48 m inside obstacle\[0\]'):
         simulation(scene, threads=1)
+
+
+def crossings(x, triangles):
+    """How many edges of a sheet pass through triangles that they share no node with."""
+    sides = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)), axis=0)
+    e, t = (k.ravel() for k in np.mgrid[: len(sides), : len(triangles)])
+    apart = ~(sides[e][:, :, None] == triangles[t][:, None]).any(axis=(1, 2))
+    e, t = e[apart], t[apart]
+    p, (a, b, c) = x[sides[e]], np.moveaxis(x[triangles[t]], 1, 0)
+    way = p[:, 1] - p[:, 0]
+    system = np.stack([b - a, c - a, -way], axis=2)
+    flat = np.abs(np.linalg.det(system)) < 1e-15
+    u, v, s = np.linalg.solve(system + flat[:, None, None] * np.eye(3), (p[:, 0] - a)[..., None])[
+        ..., 0
+    ].T
+    return int((~flat & (u > 0) & (v > 0) & (u + v < 1) & (s > 0) & (s < 1)).sum())
+
+
+def pendulum(self_contact=None):
+    """A cloth that is lifted and let go: it swings down, folds and hits itself."""
+    scene = ts.Scene(frame_rate=50.0)
+    mesh = ts.cloth(size=(0.8, 0.5), cells=(12, 6))
+    model = ts.MassSpring(stiffness=60.0, spring_damping=0.01, node_mass=6.6e-4, point_damping=0.5)
+    body = scene.add_body(mesh, model)
+    body.self_contact = self_contact
+    body.pin(ts.where.box((-1e-6, -1, -1), (1e-6, 1, 1)))
+    sim = simulation(scene, threads=1)
+    x, a = sim.positions(), np.radians(85)
+    ripple = 0.02 * np.sin(5 * x[:, 0]) * x[:, 0]
+    lifted = np.stack([x[:, 0] * np.cos(a), x[:, 0] * np.sin(a), x[:, 2] + ripple], axis=1)
+    sim.set_state(lifted, 0 * lifted)
+    return sim
+
+
+def most_crossings(sim):
+    triangles = sim.scene.bodies[0].mesh.surface
+    found = [crossings(f.positions(), triangles) for f in sim.frames(1.0) if f.index % 2 == 0]
+    return max(found)
+
+
+def test_cloth_that_folds_does_not_cross_itself():
+    """Nobody asked for it; contact is compiled when the cloth begins to fold."""
+    assert most_crossings(pendulum(self_contact=False)) > 10
+    sim = pendulum()
+    assert sim.stepper.structure.surfaces is None
+    assert most_crossings(sim) == 0
+    assert sim.touching.counts()["rows"] > 100

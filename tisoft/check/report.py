@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft.body import Body
+from tisoft.check.contact import contact_lines, contact_report
 from tisoft.check.limiting import damping_cost, limiting_element, metres
 from tisoft.check.meshes import mesh_notes, used
 from tisoft.check.warnings import warnings_of
@@ -54,6 +55,7 @@ def check(sim: Simulation) -> Report:
         "zero_energy_modes": {},
         "in_plane": {},
         "mesh": {body.name: mesh_report(body) for body in scene.bodies},
+        "contact": contact_report(sim),
         "nodes": sim.system.count,
         "elements": sim.system.elements,
         "springs": sim.system.springs,
@@ -165,6 +167,7 @@ def as_text(result: dict[str, Any]) -> str:
     lines = []
     for name, mesh in result["mesh"].items():
         lines += _mesh_lines(name, mesh, result)
+    lines += contact_lines(result)
     lines.append("step")
     lines.append(f"  stable limit   {seconds(result['stable_step'])}, at rest, damping included")
     lines.append(f"  element bound  {seconds(result['element_bound'])}, never above the limit")

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tisoft.body import Body
 from tisoft.check.cages import cage_warnings, pin_warnings
+from tisoft.check.contact import folding
 from tisoft.check.meshes import mesh_warnings
 from tisoft.depth import depth_inside
 from tisoft.gaps import gap_warnings
@@ -77,6 +78,8 @@ def _of_body(body: Body, scene: Scene) -> Iterator[str]:
         )
     yield from (f"{name} {told}" for told in (*cage_warnings(body), *pin_warnings(body)))
     if isinstance(body.mesh, TetMesh) and (told := _bending(body.mesh)):
+        yield f"{name} {told}"
+    if told := folding(body, scene):
         yield f"{name} {told}"
     if isinstance(model, ViscoElastic) and not isinstance(model, NeoHookean):
         squash = compression(body, scene)

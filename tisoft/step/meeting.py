@@ -120,14 +120,26 @@ def left(s: ti.template(), i, p, h):
 
 
 @ti.func
-def gone(s: ti.template(), q, t, threads):
-    """How far [m] thread t's points of obstacles have gone since the search, and how fast [m/s]."""
-    far, fast = 0.0 * s.surfaces.weight[0], 0.0 * s.surfaces.weight[0]
+def note_way(s: ti.template(), p):
+    """Raise what is the most of point p's body: way since the search [m], speed [m/s].  A maximum
+    is the same in any order; few points raise it.
+    """
+    body = s.surfaces.body[p]
+    if s.surfaces.trait[body, f.NEAR]:
+        far = (s.surfaces.place[p] - s.surfaces.listed[p]).norm()
+        fast = s.surfaces.kicked[p].norm()
+        if far > s.surfaces.number[body, f.WAY]:
+            ti.atomic_max(s.surfaces.number[body, f.WAY], far)
+        if fast > s.surfaces.number[body, f.SPEED]:
+            ti.atomic_max(s.surfaces.number[body, f.SPEED], fast)
+
+
+@ti.func
+def note_standing(s: ti.template(), q, t, threads):
+    """The same of thread t's points of obstacles."""
     low, high = s.surfaces.order[q, f.STANDING], s.surfaces.order[q, f.POINT_END]
     for p in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
-        far = ti.max(far, (s.surfaces.place[p] - s.surfaces.listed[p]).norm())
-        fast = ti.max(fast, s.surfaces.velocity[p].norm())
-    return far, fast
+        note_way(s, p)
 
 
 @ti.func
@@ -160,17 +172,6 @@ def renew(s: ti.template(), scene, t, threads, now):
 
 
 @ti.func
-def maxima(s: ti.template(), q, t, threads, phase, scene):
-    """Maxima over threads of way [m] and speed [m/s]; returns them."""
-    thread = s.surfaces.order[q, f.THREAD]
-    far, fast = s.surfaces.most[thread, f.FAR], s.surfaces.most[thread, f.FAST]
-    for k in range(1, threads):
-        far = ti.max(far, s.surfaces.most[thread + k, f.FAR])
-        fast = ti.max(fast, s.surfaces.most[thread + k, f.FAST])
-    return far, fast
-
-
-@ti.func
 def touch_nodes(s: ti.template(), scene, t, threads, phase, now):
     """Steps 2 to 5 at thread t's nodes; returns the phase that it has come to."""
     low, high = s.state.ranges[scene, 0], s.state.ranges[scene, 1]
@@ -184,25 +185,23 @@ def touch_nodes(s: ti.template(), scene, t, threads, phase, now):
         if moving:
             stand_all(s, q, t, threads)
     if is_met:
-        far, fast = 0.0 * now.h, 0.0 * now.h
         if ti.static(s.contact):
             if moving:
-                far, fast = gone(s, q, t, threads)
+                note_standing(s, q, t, threads)
         for i in range(first, last):
             kick(s, i, i + back, i + base, now)
             p = s.surfaces.point[i + base]
             if p >= 0:
-                if s.surfaces.trait[s.surfaces.body[p], f.NEAR]:
-                    far = ti.max(far, (s.surfaces.place[p] - s.surfaces.listed[p]).norm())
-                    fast = ti.max(fast, s.surfaces.kicked[p].norm())
-        s.surfaces.most[thread + t, f.FAR], s.surfaces.most[thread + t, f.FAST] = far, fast
+                note_way(s, p)
         phase += 1
         meet(s, scene, phase, threads)
-        far, fast = maxima(s, q, t, threads, phase, scene)
-        rows = find_rows(s.surfaces, q, t, far, fast, now.h)
+        rows = find_rows(s.surfaces, q, t, now.h)
         s.surfaces.most[thread + t, f.WORST] = rows
         phase += 1
         meet(s, scene, phase, threads)
+        for b in range(s.surfaces.order[q, f.BODY], s.surfaces.order[q, f.BODY_END]):
+            if b % threads == t:
+                s.surfaces.number[b, f.WAY], s.surfaces.number[b, f.SPEED] = 0.0, 0.0
         rows = 0
         for k in range(threads):
             rows += ti.cast(s.surfaces.most[thread + k, f.WORST], ti.i32)

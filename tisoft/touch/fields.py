@@ -21,20 +21,23 @@ A = ti.types.ndarray()
 """Columns of `Touch.order`: where a scene's rows begin and end; candidates found; threads of the
 last search, 0 where it is out of date; searches; whether candidates found no room; sweeps and rows
 so far; first point and first core of obstacles, and whether those move."""
-LEAST, MOST, THICK, LONGEST, REACH, MARGIN, TOLERANCE, LIMIT = range(8)
+LEAST, MOST, THICK, LONGEST, REACH, SHRUNK, TOLERANCE, LENGTHS = range(8)
 """Columns of `Touch.length` [m]: least and most margin, largest thickness, longest edge, distance
-up to which pairs are listed, the margin in it, residual that ends the sweeps, reach within one
-body."""
+up to which pairs are listed at the most, share of the margins that had room (1), residual that ends
+the sweeps."""
 SOLID, SELF, OBSTACLE, ROUND, BARE, ROW, FIRST, LAST, NEAR, BOX_START, TRAITS = range(11)
 """Columns of `Touch.trait`: whether it is an obstacle, the kind of core that it is, whether points
 leave its triangles alone, its row of `State.obstacle`."""
-HALF, FRICTION, DEPTH, ALLOWED, SHARE, EASE, NUMBERS = range(7)
+(HALF, FRICTION, DEPTH, ALLOWED, SHARE, EASE, GROW, AHEAD, WAY, SPEED,
+ NUMBERS) = range(11)  # fmt: skip
 """Columns of `Touch.number`: half the thickness, or a core's radius [m], Coulomb's coefficient,
 depth of push [m], way [m] that a point may go before the next search, share that it takes of the
-other's half, most of a penetration that counts [m]."""
+other's half, most of a penetration that counts, how far it reaches beyond its points [m];
+its share of a pair's margin [m]; how far its points have gone since the search [m], and their speed
+[m/s]."""
 FACE_START, FACE_STOP, EDGE_START, EDGE_STOP, FACES_NEAR, EDGES_NEAR = range(6)
 """Columns of `Touch.segment`: each thread's pairs, and how many of them have rows."""
-FAR, FAST, WORST, STALE, BLOWN = range(5)
+WORST, STALE, BLOWN = range(3)
 """Columns of `Touch.most`: each thread's maxima, and whether a body has blown up."""
 
 
@@ -183,9 +186,9 @@ class Touch:
         """Parts of a body's box where another one may be near [m]."""
         self.box_high = field(vec3, "boxes")
         self.segment = field(ti.i32, "threads", 6)
-        self.most = field(real, "threads", 5)
+        self.most = field(real, "threads", 3)
         self.order = field(ti.i32, "scenes", ORDERS)
-        self.length = field(wide, "scenes", 8)
+        self.length = field(wide, "scenes", LENGTHS)
         self.tree = builder.finalize()
 
     @staticmethod

@@ -1,13 +1,13 @@
 # mypy: ignore-errors
 """Which pairs may come to touch: a hashed uniform grid, looked at again when something has moved.
 
-    cell = edge/2 + reach,   reach = thickness + margin,   margin = 16 h v within .25 … 1 edge
+    cell = edge/2 + reach,   reach = thickness + (margin_a + margin_b)/2,
+    margin of a body = 16 h v within .25 … 1 edge, of an obstacle that stands still 0
 
 Points are sorted by the bucket of their cell (counting sort).  Every triangle asks the cells that
 its box, wider by the reach, covers; every edge those where middles of near edges may lie.  Pairs
 come out by triangle and then by point, by edge and then by edge, whatever the grid: with them all
-sums have the same order.  A pair is listed while distance − 2 · way < reach, so candidates hold
-until a point has gone margin/2.
+sums have the same order.  Candidates hold until a point has gone half of its body's margin.
 """
 
 import taichi as ti
@@ -20,6 +20,8 @@ AHEAD = 16.0
 """Substeps for which a search is to last."""
 BLUR = 0.02
 """Of a core's radius, see `nearest_on_line`."""
+LEAST_SHRUNK = 0.01
+"""Share of their margins below which candidates that find no room are let go."""
 MOST_CELLS = 4096.0
 """Cells that a triangle or an edge may ask: at 8 times its size in all directions it has blown up,
 and nothing is listed; others watch over that."""
@@ -44,23 +46,35 @@ def hashed(c, mask):
 
 
 @ti.func
-def measure(touch: ti.template(), q, t, threads):
-    """Thread t's bodies: their boxes; its points: where they are now, and the fastest."""
+def measure(touch: ti.template(), q, t, threads, h):
+    """Thread t's bodies: their boxes, and their margins by their fastest points; where those are.
+
+    Args: h: the substep [s].
+    """
     low, high = touch.order[q, f.BODY], touch.order[q, f.BODY_END]
+    least, most = touch.length[q, f.LEAST], touch.length[q, f.MOST]
     for b in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
         lo, hi = 0.0 * touch.place[0] + 1e30, 0.0 * touch.place[0] - 1e30
+        fast = ti.cast(0.0, touch.real)
         for p in range(touch.trait[b, f.FIRST], touch.trait[b, f.LAST]):
             x = spot(touch, p)
             lo, hi = ti.min(lo, x), ti.max(hi, x)
-        if touch.trait[b, f.ROUND]:
-            lo, hi = lo - touch.number[b, f.HALF], hi + touch.number[b, f.HALF]
-        touch.low[b], touch.high[b] = lo, hi
-    low, high = touch.order[q, f.POINT], touch.order[q, f.POINT_END]
-    fast = ti.cast(0.0, touch.real)
-    for p in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
-        touch.listed[p] = touch.place[p]
-        fast = ti.max(fast, touch.velocity[p].norm_sqr())
-    touch.most[touch.order[q, f.THREAD] + t, f.FAST] = fast
+            fast = ti.max(fast, touch.velocity[p].norm_sqr())
+            touch.listed[p] = touch.place[p]
+        margin = ti.max(AHEAD * h * ti.sqrt(fast), ti.cast(least, touch.real))
+        if touch.trait[b, f.OBSTACLE] and touch.order[q, f.MOVING] == 0:
+            margin = 0.0 * margin
+        touch.number[b, f.AHEAD] = 0.5 * ti.min(margin, ti.cast(most, touch.real))
+        touch.number[b, f.WAY], touch.number[b, f.SPEED] = 0.0, 0.0
+        touch.low[b], touch.high[b] = lo - touch.number[b, f.GROW], hi + touch.number[b, f.GROW]
+
+
+@ti.func
+def reach_of(touch: ti.template(), q, b, c):
+    """Distance [m] up to which pairs of two bodies are listed."""
+    thick = ti.cast(touch.length[q, f.THICK], touch.real)
+    shrunk = ti.cast(touch.length[q, f.SHRUNK], touch.real)
+    return thick + shrunk * (touch.number[b, f.AHEAD] + touch.number[c, f.AHEAD])
 
 
 @ti.func
@@ -71,8 +85,9 @@ def gap_of(touch: ti.template(), b, c):
 
 
 @ti.func
-def neighbours(touch: ti.template(), q, reach, margin):
+def neighbours(touch: ti.template(), q):
     """Where bodies are near others, and how far each may go; returns the number of boxes."""
+    widest = ti.cast(0.0, touch.real)
     low, high = touch.order[q, f.BODY], touch.order[q, f.BODY_END]
     first, room = touch.order[q, f.BOX], touch.order[q, f.BOX_END] - touch.order[q, f.BOX]
     n = 0
@@ -80,12 +95,14 @@ def neighbours(touch: ti.template(), q, reach, margin):
         touch.trait[b, f.BOX_START] = first + n
         free = ti.cast(1e30, touch.real)
         near = 0
+        own = ti.cast(touch.length[q, f.SHRUNK], touch.real) * touch.number[b, f.AHEAD]
         for c in range(low, high):
             if touch.may[touch.order[q, f.COUPLE] + (b - low) * (high - low) + c - low]:
-                gap = gap_of(touch, b, c)
-                free = ti.min(free, gap)
+                gap, reach = gap_of(touch, b, c), reach_of(touch, q, b, c)
+                free = ti.min(free, gap - reach)
                 if gap < reach:
                     near = 1
+                    widest = ti.max(widest, reach)
                     if n < room:
                         touch.box_low[first + n] = ti.max(touch.low[b], touch.low[c] - reach)
                         touch.box_high[first + n] = ti.min(touch.high[b], touch.high[c] + reach)
@@ -94,8 +111,9 @@ def neighbours(touch: ti.template(), q, reach, margin):
                         touch.box_low[first + n - 1] = 0.0 * touch.low[b] - 1e30
                         touch.box_high[first + n - 1] = 0.0 * touch.low[b] + 1e30
         touch.trait[b, f.NEAR] = near
-        touch.number[b, f.ALLOWED] = 0.5 * margin + 0.5 * ti.max(free - reach, 0.0 * free)
+        touch.number[b, f.ALLOWED] = own + 0.5 * ti.max(free, 0.0 * free)
     touch.order[q, f.BOXES] = first + n
+    touch.length[q, f.REACH] = widest
     return n
 
 
@@ -106,9 +124,12 @@ def is_crowded(touch: ti.template(), q, body, lo, hi):
     stop = touch.order[q, f.BOXES]
     if body + 1 < touch.order[q, f.BODY_END]:
         stop = touch.trait[body + 1, f.BOX_START]
-    for k in range(touch.trait[body, f.BOX_START], stop):
+    k = touch.trait[body, f.BOX_START]
+    while k < stop:
         if (lo <= touch.box_high[k]).all() and (hi >= touch.box_low[k]).all():
             hit = 1
+            k = stop
+        k += 1
     return hit
 
 
@@ -226,7 +247,6 @@ def pair_faces(touch: ti.template(), q, i, at, n, begun, stop):
     """List triangle i's pairs with the points in a cell from row n on; returns the next row."""
     ids = ti.Vector([touch.triangle[i, 0], touch.triangle[i, 1], touch.triangle[i, 2]])
     body = touch.body[ids[0]]
-    reach = ti.cast(touch.length[q, f.REACH], touch.real)
     k = touch.order[q, f.BUCKET] + hashed(at, touch.order[q, f.MASK])
     begin, end = touch.bucket[k, 0], touch.bucket[k + 1, 0]
     if end > begin and touch.only[k] == body and touch.trait[body, f.SELF] == 0:
@@ -239,6 +259,7 @@ def pair_faces(touch: ti.template(), q, i, at, n, begun, stop):
         if ok and p != ids[0] and p != ids[1] and p != ids[2]:
             a, b, c = spot(touch, ids[0]), spot(touch, ids[1]), spot(touch, ids[2])
             x = spot(touch, p)
+            reach = reach_of(touch, q, body, touch.body[p])
             if (x >= ti.min(a, b, c) - reach).all() and (x <= ti.max(a, b, c) + reach).all():
                 w = on_triangle(x, a, b, c)
                 d = (x - w[0] * a - w[1] * b - w[2] * c).norm()
@@ -254,10 +275,10 @@ def pair_cores(touch: ti.template(), q, i, n, begun, stop):
     ids = ti.Vector([touch.triangle[i, 0], touch.triangle[i, 1], touch.triangle[i, 2]])
     a, b, c = spot(touch, ids[0]), spot(touch, ids[1]), spot(touch, ids[2])
     body = touch.body[ids[0]]
-    reach = ti.cast(touch.length[q, f.REACH], touch.real)
-    lo, hi = ti.min(a, b, c) - reach, ti.max(a, b, c) + reach
+    lo, hi = ti.min(a, b, c), ti.max(a, b, c)
     for core in range(touch.order[q, f.CORES], touch.order[q, f.BODY_END]):
-        is_near = (lo <= touch.high[core]).all() and (hi >= touch.low[core]).all()
+        reach = reach_of(touch, q, body, core)
+        is_near = (lo - reach <= touch.high[core]).all() and (hi + reach >= touch.low[core]).all()
         if is_near and touch.trait[core, f.NEAR] and may_touch(touch, q, body, core):
             p, r = touch.trait[core, f.FIRST], touch.number[core, f.HALF]
             x = spot(touch, p)
@@ -275,7 +296,6 @@ def pair_cores(touch: ti.template(), q, i, n, begun, stop):
 def pair_edges(touch: ti.template(), q, i, at, n, begun, stop):
     """List the pairs of edge i with later edges in a cell from row n on; returns the next row."""
     a, b = touch.edge[i, 0], touch.edge[i, 1]
-    reach = ti.cast(touch.length[q, f.REACH], touch.real)
     k = touch.order[q, f.BUCKET] + hashed(at, touch.order[q, f.MASK])
     for z in range(touch.bucket[k, 1], touch.bucket[k + 1, 1]):
         e = touch.edge_sorted[z]
@@ -283,7 +303,7 @@ def pair_edges(touch: ti.template(), q, i, at, n, begun, stop):
         ok = e > i and is_there(touch.edge_cell, e, at) and a != c and a != d and b != c and b != d
         if ok and may_touch(touch, q, touch.body[a], touch.body[c]):
             far = between_edges(spot(touch, a), spot(touch, b), spot(touch, c), spot(touch, d))
-            if far < reach:
+            if far < reach_of(touch, q, touch.body[a], touch.body[c]):
                 ends = ti.Vector([a, b, c, d])
                 n = keep(touch, q, n, begun, stop, ends, ti.Vector([i, e]), far)
     return n
@@ -393,24 +413,21 @@ def fill_slots(touch: ti.template(), q, threads):
 @ti.func
 def search(s: ti.template(), touch: ti.template(), scene, q, t, threads, phase, now):
     """List the candidates anew; returns the phase that it has come to."""
-    measure(touch, q, t, threads)
+    measure(touch, q, t, threads, now.h)
     phase += 1
     meet(s, scene, phase, threads)
-    fast = ti.cast(0.0, touch.real)
-    for k in range(threads):
-        fast = ti.max(fast, touch.most[touch.order[q, f.THREAD] + k, f.FAST])
-    least, most = touch.length[q, f.LEAST], touch.length[q, f.MOST]
-    margin = AHEAD * now.h * ti.sqrt(fast)
-    margin = ti.min(ti.max(margin, ti.cast(least, touch.real)), ti.cast(most, touch.real))
-    thick = ti.cast(touch.length[q, f.THICK], touch.real)
+    shrunk = ti.cast(1.0, touch.real)
     again = 1
     while again:
-        reach = thick + margin
-        per_cell = 1.0 / (0.5 * ti.cast(touch.length[q, f.LONGEST], touch.real) + reach)
         if t == 0:
             touch.order[q, f.FULL] = 0
-            touch.length[q, f.REACH], touch.length[q, f.MARGIN] = reach, margin
-            touch.order[q, f.COUNT] = neighbours(touch, q, reach, margin)
+            touch.length[q, f.SHRUNK] = shrunk
+            touch.order[q, f.COUNT] = neighbours(touch, q)
+        phase += 1
+        meet(s, scene, phase, threads)
+        reach = ti.cast(touch.length[q, f.REACH], touch.real)
+        per_cell = 1.0 / (0.5 * ti.cast(touch.length[q, f.LONGEST], touch.real) + reach)
+        if t == 0:
             if touch.order[q, f.COUNT] > 0:
                 sort_points(touch, q, per_cell)
                 sort_edges(touch, q, per_cell)
@@ -425,9 +442,9 @@ def search(s: ti.template(), touch: ti.template(), scene, q, t, threads, phase, 
         for k in range(threads):
             if is_near and touch.most[touch.order[q, f.THREAD] + k, f.BLOWN] > 0.0:
                 blown = 1
-        if touch.order[q, f.FULL] and margin > 0.02 * thick and blown == 0:
+        if touch.order[q, f.FULL] and shrunk > LEAST_SHRUNK and blown == 0:
             again = 1
-            margin *= 0.5
+            shrunk *= 0.5
         if t == 0 and again == 0:
             if blown:
                 touch.order[q, f.COUNT] = 0

@@ -260,18 +260,21 @@ def edge_row(touch: ti.template(), z):
 
 
 @ti.func
-def find_rows(touch: ti.template(), q, t, moved, fastest, h):
-    """Thread t's rows of this substep; returns how many.  `moved` [m]: as far as any point has
-    gone since the search; `fastest` [m/s]: any point's speed.
+def find_rows(touch: ti.template(), q, t, h):
+    """Thread t's rows of this substep; returns how many.  Pairs of bodies that have not gone far
+    enough since the search sleep.
     """
     own = touch.order[q, f.THREAD] + t
-    asleep = SEEN * ti.cast(touch.length[q, f.THICK], touch.real) + 2.0 * (moved + h * fastest)
+    thick = SEEN * ti.cast(touch.length[q, f.THICK], touch.real)
     count = 0
     for kind in range(2):
         begin, n = touch.segment[own, 2 * kind], 0
         for z in range(begin, touch.segment[own, 2 * kind + 1]):
             near = 0
-            if touch.distance[z] < asleep:
+            b, c = touch.body[touch.ends[z, 0]], touch.body[touch.ends[z, 3]]
+            way = touch.number[b, f.WAY] + touch.number[c, f.WAY]
+            way += h * (touch.number[b, f.SPEED] + touch.number[c, f.SPEED])
+            if touch.distance[z] < thick + way:
                 w, normal, distance, ok = ti.Vector([h, h, h, h]), 0.0 * touch.place[0], h, 0
                 drift = 0.0 * normal
                 if kind == 0:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft.geometry.surface import solid_moments
+from tisoft.geometry.topology import morton_order
 from tisoft.moving import moves, pose
 from tisoft.obstacles import Shell
 from tisoft.touch.surface import Surface, cut_edges, surface_of
@@ -26,6 +27,8 @@ SPACING = 0.25
 FINE = 16.0
 """Times the longest edge: a radius from which on nodes see enough (a face between nodes on a ball
 is edge²/6R deep in it)."""
+PATCH = 160
+"""Points of a closed surface that nodes meet which make one body."""
 SKIN = 0.4
 """Share of their distance to others that bodies keep from corners: a direction needs some."""
 
@@ -46,6 +49,17 @@ class Standing:
     round: int = 0
     """Kind of its core."""
     radius: float = 0.0
+    grow: float = 0.0
+    """How far it reaches beyond its points [m]."""
+
+    @property
+    def patches(self) -> list[tuple[int, int]]:
+        """Ranges of its points that make a body each: boxes around a whole bowl would tell nothing
+        of where it is.
+        """
+        count = len(self.local)
+        size = PATCH if self.is_met_by_nodes else count
+        return [(k, min(k + size, count)) for k in range(0, count, size)]
 
     @property
     def moves(self) -> bool:
@@ -85,16 +99,19 @@ def standings_of(obstacles: Sequence[Any], edge: float, longest: float) -> list[
             cornered.append(_cornered(obstacle, number, corners, SPACING * edge))
         if core is not None and core.radius < FINE * longest:
             own = (core.local, core.rest, None, core.kind, core.radius)
-            cores.append(Standing(obstacle, number, *own))
+            cores.append(Standing(obstacle, number, *own, grow=core.radius))
     return cornered + cores
 
 
 def _cornered(obstacle: Any, number: int, corners: Any, most: float) -> Standing:
-    volume = solid_moments(corners.rest, corners.triangles)[0]
-    surface = surface_of(corners.triangles, corners.rest, volume)
-    x = corners.rest[surface.points]
+    order = morton_order(corners.rest)
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    x, triangles = corners.rest[order], rank[corners.triangles]
+    surface = surface_of(triangles, x, solid_moments(x, triangles)[0])
+    x, local = x[surface.points], corners.local[order][surface.points]
+    grow = surface.longest
     surface, rows = cut_edges(surface, x, most)
     i, j, share = rows[:, 0].astype(int), rows[:, 1].astype(int), rows[:, 2:]
-    local = corners.local[np.unique(corners.triangles)]
     local, x = ((1.0 - share) * values[i] + share * values[j] for values in (local, x))
-    return Standing(obstacle, number, local, x, surface)
+    return Standing(obstacle, number, local, x, surface, grow=grow)

@@ -24,6 +24,7 @@ from tisoft.model.arena import Lease
 from tisoft.model.part import Part
 from tisoft.model.state import TOUCH_SCENE
 from tisoft.model.system import System
+from tisoft.models.materials import MassSpring
 from tisoft.obstacles import Shell
 from tisoft.touch import fields as f
 from tisoft.touch import overlap
@@ -39,9 +40,11 @@ THINNEST = 0.02
 """Of the median edge: less than what the sweeps leave over would let surfaces through."""
 TOLERANCE = 0.02
 FINER = 0.5
-"""Of that where there are obstacles: bodies keep less of a distance to those."""
+"""Of that where there are cores: bodies keep no distance to those."""
 SELF_REACH = 0.65
 """Of an edge: a flat sheet has no candidate with itself within it."""
+FOLDED = 0.5
+"""Cosine of the angle to its mean normal up to which a sheet has not begun to fold."""
 PAIRS_A_POINT = 24
 """Room for candidates; where they find none, the margin is halved."""
 BOXES_A_BODY = 16
@@ -65,6 +68,32 @@ class Toucher:
         """The body's."""
         return self.part.body.name
 
+    def may_fold(self, world: Floats) -> bool:
+        """Whether it may touch itself soon.  A sheet that nobody has said to touch itself has not
+        begun to fold while all its normals look to one side.
+
+        Args:
+            world: positions of all nodes [m], inside order.
+        """
+        if self.part.body.self_contact or not self.self_contact:
+            return self.self_contact
+        a, b, c = world[self.part.nodes][self.surface.points][self.surface.triangles.T]
+        normal = np.cross(b - a, c - a)
+        along = normal @ normal.sum(axis=0)
+        size = np.linalg.norm(normal, axis=1) * np.linalg.norm(normal.sum(axis=0))
+        return bool((along < FOLDED * size).any())
+
+
+def touches_itself(body: Any) -> bool:
+    """Whether a body's surface does: as its key says, else sheets of springs, which have a rim."""
+    if body.self_contact is not None:
+        return bool(body.self_contact)
+    surface = np.asarray(body.mesh.surface)
+    if not isinstance(body.model, MassSpring) or not len(surface):
+        return False
+    sides = np.sort(surface[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    return bool((np.unique(sides, axis=0, return_counts=True)[1] == 1).any())
+
 
 def toucher_of(part: Part) -> Toucher | None:
     """The body, or None where it has no surface."""
@@ -75,7 +104,7 @@ def toucher_of(part: Part) -> Toucher | None:
     surface = surface_of(triangles, part.rest, float(part.volume.sum()))
     thickness = body.thickness or THICKNESS[surface.is_solid] * surface.edge
     thickness = max(thickness, THINNEST * surface.edge)
-    own = bool(body.contact and body.self_contact)
+    own = body.contact and touches_itself(body)
     return Toucher(part, surface, thickness, body.friction, own, body.contact)
 
 
@@ -121,7 +150,9 @@ class Touching:
         cores = sum(len(s.local) for s in self.standings if s.surface is None)
         points = sum(len(s.points) for s in surfaces) + cores
         edges = sum(len(s.edges) for s in surfaces)
-        bodies = len(self.touchers) + len(self.standings)
+        self.owners = [s for s in self.standings for _ in s.patches]
+        """The obstacle of each body beyond the touchers."""
+        bodies = len(self.touchers) + len(self.owners)
         self.buckets = 1 << max(4, int(np.ceil(np.log2(2 * max(points, edges)))))
         self.room = (PAIRS_A_POINT * points, PAIRS_A_POINT * edges)
         needs = {
@@ -149,7 +180,9 @@ class Touching:
         for toucher in self.touchers:
             s = toucher.surface
             nodes[toucher.part.start + s.points] = self.rows["points"] + np.arange(len(s.points))
+            first = self.rows["points"]
             fans.append(self._write_surface(s))
+            self.ranges.append((first, self.rows["points"]))
         self.standing = self.rows["points"]
         for standing in self.standings:
             first = self.rows["points"]
@@ -157,8 +190,8 @@ class Touching:
                 fans.append(self._write_surface(standing.surface))
             else:
                 self.rows["points"] += len(standing.local)
-                self.ranges.append((first, self.rows["points"]))
                 fans.append(np.full(len(standing.local), self.rows["fans"]))
+            self.ranges += [(first + a, first + b) for a, b in standing.patches]
         bodies = np.repeat(np.arange(len(self.ranges)), [b - a for a, b in self.ranges])
         fans.append(np.array([self.rows["fans"]]))
         self.fields.write_points(
@@ -178,7 +211,6 @@ class Touching:
             fan, _ints(s.fan + point),
         )  # fmt: skip
         self.fields.write_edges(edge, _ints(s.edges + point), _raised(s.sides, point))
-        self.ranges.append((point, point + len(s.points)))
         rows["points"] += len(s.points)
         rows["fans"] += len(s.fan)
         rows["triangles"] += len(s.triangles)
@@ -198,13 +230,14 @@ class Touching:
             numbers[k, f.DEPTH] = toucher.surface.depth
             numbers[k, f.SHARE] = 1.0
             numbers[k, f.EASE] = toucher.thickness
-        for k, standing in enumerate(self.standings, count):
+        for k, standing in enumerate(self.owners, count):
             traits[k, f.OBSTACLE] = 1
             traits[k, f.ROUND] = standing.round
             traits[k, f.BARE] = not standing.is_met_by_nodes
             numbers[k, f.HALF] = standing.radius
             numbers[k, f.FRICTION] = standing.obstacle.friction
             numbers[k, f.EASE] = 1e30
+            numbers[k, f.GROW] = standing.grow
             if standing.surface is not None:
                 traits[k, f.SOLID] = 1
                 numbers[k, f.DEPTH] = standing.surface.depth
@@ -226,7 +259,7 @@ class Touching:
             a, b = (names.index(name) if name in names else None for name in pair)
             if a is not None and b is not None:
                 may[a, b] = may[b, a] = 0
-        for k, standing in enumerate(self.standings, len(names)):
+        for k, standing in enumerate(self.owners, len(names)):
             for i, toucher in enumerate(self.touchers):
                 # A carried surface meets what has a distance by itself.
                 may[i, k] = may[k, i] = standing.is_met_by_nodes or not toucher.part.touches
@@ -236,7 +269,7 @@ class Touching:
         """Refuse bodies that start deep inside each other or inside of closed triangles."""
         solid = [s for s in self.standings if s.is_met_by_nodes and s.surface is not None]
         names = [repr(toucher.name) for toucher in self.touchers]
-        own = [k for k, s in enumerate(self.standings, len(names)) if s in solid]
+        own = [len(names) + self.owners.index(s) for s in solid]
         rows = [*range(len(names)), *own]
         places = [t.part.rest[t.surface.points] + t.part.origin for t in self.touchers]
         overlap.check_apart(
@@ -260,21 +293,23 @@ class Touching:
         order[f.THREAD] = starts["threads"]
         order[f.STANDING] = self.standing
         cornered = [s for s in self.standings if s.surface is not None]
-        order[f.CORES] = starts["bodies"] + len(self.touchers) + len(cornered)
+        cores = sum(s.surface is None for s in self.owners)
+        order[f.CORES] = starts["bodies"] + needs["bodies"] - cores
         order[f.MOVING] = any(s.moves for s in self.standings)
         self.fields.write_scene(self.scene, order, self._lengths(cornered))
         self.system.state.ranges[self.system.scene, TOUCH_SCENE] = self.scene
 
     def _lengths(self, cornered: Sequence[Standing]) -> Floats:
         """`Touch.length` [m]."""
-        length = np.zeros(8)
+        length = np.zeros(f.LENGTHS)
         edge = min(toucher.surface.edge for toucher in self.touchers)
         thick = [toucher.thickness for toucher in self.touchers]
         surfaces = [toucher.surface for toucher in self.touchers]
         surfaces += [s.surface for s in cornered if s.surface is not None]
         length[f.THICK] = max(thick)
         length[f.LONGEST] = max(surface.longest for surface in surfaces)
-        length[f.TOLERANCE] = TOLERANCE * min(thick) * (FINER if self.standings else 1.0)
+        has_cores = len(cornered) < len(self.standings)
+        length[f.TOLERANCE] = TOLERANCE * (FINER if has_cores else 1.0) * min(thick)
         length[f.LEAST], length[f.MOST] = (share * edge for share in MARGIN)
         own = [t.surface.edge for t in self.touchers if t.self_contact]
         if own:
@@ -290,22 +325,35 @@ class Touching:
             reach: how far each body of the scene may come meanwhile [m].
             times: now and then [s].
         """
-        if self._may.diagonal().any():
+        if any(toucher.may_fold(world) for toucher in self.touchers):
             return True
         parts = [toucher.part for toucher in self.touchers]
         far = np.array([reach[part.index] for part in parts])[:, None]
         low = np.array([world[part.nodes].min(axis=0) for part in parts]) - far
         high = np.array([world[part.nodes].max(axis=0) for part in parts]) + far
         meet = ((low[:, None] <= high) & (low <= high[:, None])).all(axis=2)
+        np.fill_diagonal(meet, False)
         count = len(parts)
         if (meet & (self._may[:count, :count] != 0)).any():
             return True
-        for k, standing in enumerate(self.standings, count):
+        for standing in self.standings:
+            k = count + self.owners.index(standing)
             lo, hi = standing.boxes(times)
             near = ((low[:, None] <= hi) & (lo <= high[:, None])).all(axis=2).any(axis=1)
             if (near & (self._may[:count, k] != 0)).any():
                 return True
         return False
+
+    def partners(self) -> list[tuple[Toucher, list[str], list[int]]]:
+        """Each body with the names of others and the numbers of obstacles that its surface may
+        touch.
+        """
+        count, found = len(self.touchers), []
+        for k, toucher in enumerate(self.touchers):
+            others = [t.name for i, t in enumerate(self.touchers) if i != k and self._may[k, i]]
+            met = [s.number for i, s in enumerate(self.owners, count) if self._may[k, i]]
+            found.append((toucher, others, sorted(set(met))))
+        return found
 
     def end(self) -> None:
         """Give its rows back: another one takes its place."""
@@ -315,11 +363,11 @@ class Touching:
         """Tell where bodies' origins are, from the middle of them all: after one has moved."""
         origins = np.array([toucher.part.origin for toucher in self.touchers])
         middle, first = origins.mean(axis=0), self.system.parts[0]
-        origins = np.concatenate([origins, np.tile(first.origin, (len(self.standings), 1))])
+        origins = np.concatenate([origins, np.tile(first.origin, (len(self.owners), 1))])
         self.fields.write_origins(self.lease.starts["bodies"], origins - middle)
         if self.standings and self.system.obstacle_lease is not None:
             # Seen from the first body, as their numbers in these rows are.
-            rows = [self.system.obstacle_row(first, s.number) for s in self.standings]
+            rows = [self.system.obstacle_row(first, s.number) for s in self.owners]
             self.fields.write_rows(self.lease.starts["bodies"] + len(self.touchers), _ints(rows))
         self.forget()
 
@@ -376,7 +424,7 @@ def touching_of(scene: Any, system: System, *, fresh: bool = True) -> Touching |
         return None
     solid = any(stands(obstacle) for obstacle in scene.obstacles)
     bodies = [part.body for part in system.parts if part.body.contact]
-    meets = len(bodies) > 1 or any(body.self_contact for body in bodies)
+    meets = len(bodies) > 1 or any(touches_itself(body) for body in bodies)
     if not solid and not meets:
         return None
     found = [toucher for toucher in map(toucher_of, system.parts) if toucher is not None]
