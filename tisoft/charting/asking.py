@@ -7,13 +7,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+from tisoft import runtime
 from tisoft.charting.costs import Kind, predicted
 from tisoft.charting.patience import Patience
 from tisoft.charting.records import Bench
 from tisoft.charting.variants import Variant
-
-SMALL = 2000
-"""Elements up to which kernels run on one thread (`model.system`)."""
+from tisoft.step.pace import CELLS_PER_THREAD
+from tisoft.step.stepper import SPRINGS_PER_TET
 
 
 @dataclass
@@ -87,7 +87,11 @@ class Asking:
             return None
         if what == "frequency":
             return found["frequencies"] or None
-        return found["places"] if self.bench.places else found["energy"]
+        return self.sag_of(found)
+
+    def sag_of(self, static: dict[str, Any]) -> Any:
+        """What sag is compared by: displacements of the places, or the elastic energy."""
+        return static["places"] if self.bench.places else static["energy"]
 
     def needs(self, what: str, variant: Variant) -> float:
         """Seconds that an answer will take."""
@@ -105,7 +109,7 @@ class Asking:
         if size is None:
             return ("", "", "", "", ""), {}
         words = [size[k] for k in ("element", "model", "precision", "integrator")]
-        loops = "alone" if size["elements"] <= SMALL else "shared"  # kernels of their own
+        loops = "alone" if _threads(size) == 1 else "shared"  # kernels of their own
         return (*words, loops), size
 
     def cost(self, variant: Variant) -> tuple[float, bool]:
@@ -129,4 +133,11 @@ class Asking:
         return Kind(
             size["element"], size["model"], size["precision"], size["integrator"],
             size["elements"], step["substeps"] * size["frame_rate"], size["frame_rate"],
+            _threads(size),
         )  # fmt: skip
+
+
+def _threads(size: dict[str, Any]) -> int:
+    """CPU threads that a scene of so many elements takes by itself, as `Stepper` does."""
+    each = SPRINGS_PER_TET if size["element"] == "spring" else 1
+    return max(1, min(runtime.threads(), size["elements"] // each // CELLS_PER_THREAD))

@@ -1,10 +1,10 @@
 """What a variant costs: timed, or predicted from one that was.
 
-    cost = n e s + a s + b r                      [seconds of computing a simulated second]
+    cost = s (n e / p + a) + r (n c / p + b)      [seconds of computing a simulated second]
 
-n elements, e seconds of an element's substep, s substeps a second, r frames a second.  The ratios
-of e between elements and laws are in the table below; their common scale is that of the timed
-variant that is most alike.
+n elements on p threads, s substeps and r frames a second; e and c are what an element takes in a
+substep and in a frame, where the stable step is followed.  Their ratios between elements and laws
+are in the tables below; the common scale is that of the timed variant that is most alike.
 """
 
 from __future__ import annotations
@@ -14,15 +14,21 @@ from dataclasses import dataclass
 
 TET = 2.4e-8
 """Seconds of a substep of one linear St. Venant-Kirchhoff tet in f32, where nothing is timed."""
-ELEMENTS = {"tet4": 1.0, "tet10": 7.0, "hex8": 1.7, "spring": 0.44}
-"""An element's substep, against that of a linear tet."""
-MODELS = {"viscoelastic": 1.0, "neo-hookean": 1.0, "linear": 0.5, "mass-tensor": 0.6,
-          "mass-spring": 1.0}  # fmt: skip
-"""A model's, against St. Venant-Kirchhoff."""
+SUBSTEP = {"tet4": 1.0, "tet10": 4.5, "hex8": 2.2, "spring": 0.72}
+"""e of an element, against that tet."""
+FRAME = {"tet4": 42.0, "tet10": 300.0, "hex8": 76.0, "spring": 4.0}
+"""c of an element, against a substep of that tet."""
+MODELS = {
+    "viscoelastic": (1.0, 1.0), "neo-hookean": (1.15, 1.5), "linear": (0.67, 0.2),
+    "mass-tensor": (0.9, 0.4), "mass-spring": (1.0, 1.0),
+}  # fmt: skip
+"""e and c of a model, against St. Venant-Kirchhoff."""
 DOUBLE = 1.6
 """f64 against f32."""
-SUBSTEP, FRAME = 5e-7, 1.2e-4
-"""Seconds that a substep and a frame take however few elements there are."""
+EACH_SUBSTEP, EACH_FRAME = 5e-7, 1.5e-4
+"""a and b: seconds that a substep and a frame take however few elements there are."""
+BARRIERS = 3e-6
+"""Seconds of a substep in which several threads wait for one another."""
 
 
 @dataclass(frozen=True)
@@ -37,19 +43,23 @@ class Kind:
     substeps: float
     """A simulated second."""
     frame_rate: float
+    threads: int = 1
 
     def supposed(self) -> float:
-        """The cost by the table alone."""
-        own = [ELEMENTS.get(word, 2.0) for word in self.element.split("+")]
-        law = max(MODELS.get(word, 1.0) for word in self.model.split("+"))
-        double = DOUBLE if self.precision == "f64" else 1.0
-        each = TET * (sum(own) / len(own)) * law * double
-        per_substep = self.elements * each + SUBSTEP
-        return per_substep * self.substeps + FRAME * self.frame_rate
+        """The cost by the tables alone."""
+        words, laws = self.element.split("+"), self.model.split("+")
+        e, c = (
+            max(MODELS.get(law, (1.0, 1.0))[k] for law in laws)
+            * sum(table.get(word, table["hex8"]) for word in words) / len(words)
+            for k, table in enumerate((SUBSTEP, FRAME))
+        )  # fmt: skip
+        tets = self.elements / self.threads * TET * (DOUBLE if self.precision == "f64" else 1.0)
+        waiting = EACH_SUBSTEP + (BARRIERS if self.threads > 1 else 0.0)
+        return self.substeps * (tets * e + waiting) + self.frame_rate * (tets * c + EACH_FRAME)
 
     def unlike(self, other: Kind) -> float:
         """How little the other tells of this one."""
-        names = ("element", "model", "precision", "integrator")
+        names = ("element", "model", "precision", "integrator", "threads")
         differs = [getattr(self, name) != getattr(other, name) for name in names]
         size = abs(math.log(max(1, self.elements) / max(1, other.elements)))
         return 100.0 * sum(differs) + size

@@ -43,6 +43,11 @@ class Judged:
         own = [self.errors[k] for k in self.decides if k in self.errors]
         return max(own, key=lambda e: e.most)
 
+    @property
+    def shown(self) -> float:
+        """The error at which it is drawn: where the bar hides it, the bar's end."""
+        return self.worst.most if self.worst.below else self.worst.value
+
 
 def with_pareto(judged: Sequence[Judged]) -> list[Judged]:
     """The variants, marked where none is both cheaper and better."""

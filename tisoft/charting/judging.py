@@ -10,6 +10,7 @@ from tisoft.charting import estimate
 from tisoft.charting.asking import Asking
 from tisoft.charting.estimate import Error, Ruler
 from tisoft.charting.judged import Judged, with_pareto
+from tisoft.charting.linearly import LinearRuler
 from tisoft.charting.paths import Paths
 from tisoft.charting.variants import CURRENT, Catalogue, Variant
 
@@ -22,6 +23,8 @@ class Judging:
     catalogue: Catalogue
     rulers: dict[str, Ruler] = field(default_factory=dict)
     """By quantity: sag, frequency."""
+    linear: LinearRuler | None = None
+    """Of sag as linear elasticity has it."""
     static: bool = False
     """Whether the scene has a static answer under a load."""
 
@@ -67,7 +70,11 @@ class Judging:
         shared = self.shares_errors(variant)
         for what, truth in self.rulers.items():
             value = self.asking.quantity(shared, what)
-            if value is not None and np.shape(value) == np.shape(truth.value):
+            if value is None and what == "sag" and self.linear is not None:
+                known = self.asking.known("linear static", shared)
+                if known is not None:
+                    errors[what] = self.linear.error(self.asking.sag_of(known))
+            elif value is not None and np.shape(value) == np.shape(truth.value):
                 by_mode = what == "frequency"
                 errors[what] = (
                     estimate.frequency_error(value, truth) if by_mode else truth.error(value)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tisoft.charting.names import write_names
 from tisoft.study import pictures
 
 if TYPE_CHECKING:
@@ -21,19 +22,13 @@ LOOK = {
 }  # fmt: skip
 """Marker and colour of each element: the shape tells as much as the colour."""
 COLORS = (pictures.BLUE, pictures.RED, pictures.GREEN)
-MOST_LABELS = 12
-
-
-def shown(v: Judged) -> float:
-    """The error at which a variant is drawn: where the bar hides it, the bar's end."""
-    return v.worst.most if v.worst.below else v.worst.value
 
 
 def draw(ax: Any, chart: Chart) -> None:
     """Draw a chart into Axes."""
     for v in chart.variants:
         marker, color = LOOK.get(v.element, ("v", pictures.GREY))
-        y, low = shown(v), max(v.worst.value - v.worst.bar, 0.3 * shown(v))
+        y, low = v.shown, _low(v)
         if not v.worst.below:
             ax.plot([v.cost, v.cost], [low, v.worst.most], color=color, lw=1.0, alpha=0.6)
         else:
@@ -47,39 +42,46 @@ def draw(ax: Any, chart: Chart) -> None:
         )  # fmt: skip
         if v.current:
             ax.plot(v.cost, y, "o", ms=16, mfc="none", mec=pictures.BLACK, mew=1.6, zorder=5)
-    line = chart.pareto
-    ax.plot([v.cost for v in line], [shown(v) for v in line], color=pictures.GREY, zorder=1)
+    line = joined(chart)
+    ax.plot([v.cost for v in line], [v.shown for v in line], color=pictures.GREY, zorder=1)
     ax.set_xscale("log")
     ax.set_yscale("log")
-    ax.margins(0.16, 0.14)
-    _label(ax, chart)
+    _scale(ax.xaxis, ax.set_xlim, [v.cost for v in chart.variants], 1.0)
+    ends = [end for v in chart.variants for end in (_low(v), v.worst.most)]
+    _scale(ax.yaxis, ax.set_ylim, ends, 100.0)
+    write_names(ax, chart, line)
     ax.set_xlabel("seconds of computing a simulated second, on this machine")
-    ax.set_ylabel("predicted relative error (the larger of sag and frequency)")
+    ax.set_ylabel("predicted error in per cent (the larger of those that count)")
     ax.set_title("\n".join(chart.sentences()), fontsize=9)
 
 
-def _label(ax: Any, chart: Chart) -> None:
-    """Names beside the points, those that would lie on another left out, the best ones first."""
-    ax.figure.canvas.draw()
-    taken: list[Any] = []
-    order = sorted(chart.variants, key=lambda v: (not v.current, not v.pareto, v.cost))
-    for v in order[:MOST_LABELS]:
-        name = "your scene" if v.current else v.name
-        for dx, dy, where in (
-            (9, 5, "left"),
-            (-9, 5, "right"),
-            (9, -12, "left"),
-            (-9, -12, "right"),
-        ):
-            text = ax.annotate(
-                name, (v.cost, shown(v)), (dx, dy), textcoords="offset points", ha=where,
-                fontsize=8, weight="bold" if v.current else "normal", zorder=6,
-            )  # fmt: skip
-            box = text.get_window_extent()
-            if not any(box.overlaps(other) for other in taken):
-                taken.append(box)
-                break
-            text.remove()
+def joined(chart: Chart) -> list[Judged]:
+    """The variants that the line joins: the front, less those that are drawn at the end of a bar
+    above a cheaper one."""
+    line: list[Judged] = []
+    for v in chart.pareto:
+        if not line or v.shown < line[-1].shown:
+            line.append(v)
+    return line
+
+
+def _low(v: Judged) -> float:
+    """The lower end of a bar, as far as it is drawn."""
+    return max(v.worst.value - v.worst.bar, 0.3 * v.shown)
+
+
+def _scale(axis: Any, limit: Callable[..., Any], values: list[float], unit: float) -> None:
+    """A logarithmic axis with room around the values and plain numbers."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = min(values), max(values)
+    room = max(1.3, (high / low) ** 0.12)
+    low, high = low / room, high * room
+    limit(low, high)
+    narrow = high / low < 300.0
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{unit * value:.12g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def files(chart: Chart) -> tuple[bytes, str]:

@@ -20,6 +20,7 @@ from tisoft.charting.asking import Asking
 from tisoft.charting.doubting import BY_NUMBERS, CONTACT, by_numbers, may_meet
 from tisoft.charting.judged import Judged
 from tisoft.charting.judging import Judging
+from tisoft.charting.linearly import linear_ruler
 from tisoft.charting.records import Bench, places_of
 from tisoft.charting.rulers import TWIN, Pair, pairs_of, ruler_of
 from tisoft.charting.variants import CURRENT, Catalogue, Variant
@@ -76,6 +77,11 @@ class Survey:
         if told not in self.warnings:
             self.warnings.append(told)
 
+    @property
+    def _share(self) -> float:
+        """Of the budget, at which static answers and modes must be over."""
+        return 0.95 if self.patient else SHARES["answers"]
+
     def judged(self) -> list[Judged]:
         """All variants of which enough is known, the scene itself first."""
         return self.judging.judged()
@@ -88,8 +94,10 @@ class Survey:
         if workers:
             self._spread(candidates, workers)
         self._find_rulers()
-        for variant in candidates:
-            self._answers(variant, 0.9 if len(self.judged()) < 2 else SHARES["answers"])
+        if self.patient and any(self._is_long(v) for v in candidates):
+            self._find_linear_ruler()
+        for variant in sorted(candidates, key=self._wait):
+            self._answers(variant, 0.9 if len(self.judged()) < 2 else self._share)
         self.asking.ask("timing", now, 0.97)
         self._time()
         if others:
@@ -191,6 +199,23 @@ class Survey:
             self.warn(pair.told)
         return found
 
+    def _find_linear_ruler(self) -> None:
+        """Linear elasticity on the meshes of the ruler, for variants whose static answer takes
+        longer than there is time."""
+        now = self.catalogue.current
+        pair = next((p for p in pairs_of(self.catalogue, twin=False) if p.told is None), None)
+        sag = self.judging.rulers.get("sag")
+        if pair is None or sag is None or self.asking.quantity(now, "sag") is None:
+            return
+        found = [
+            self.asking.ask("linear static", v, self._share) for v in (pair.worse, pair.better, now)
+        ]
+        answers = [self.asking.sag_of(one) for one in found if one is not None]
+        if len(answers) == 3:
+            truth = ruler_of(answers[0], answers[1], "sag", pair.range_)
+            error = sag.error(self.asking.quantity(now, "sag"))
+            self.judging.linear = linear_ruler(truth, error, answers[2])
+
     # -- variants ------------------------------------------------------------------------------
 
     def _candidates(self, *, others: bool) -> Iterator[Variant]:
@@ -210,11 +235,29 @@ class Survey:
         ]
         return max(gaps, default=0.0) < SAME_PLACE
 
-    def _answers(self, variant: Variant, share: float = SHARES["answers"]) -> None:
+    def _wait(self, variant: Variant) -> float:
+        """Seconds of what is not known of it, compiling left out: the soonest answers first."""
+        shared = self.judging.shares_errors(variant)
+        missing = [] if self.asking.has("modes", shared) else ["modes"]
+        if not self.asking.has("static", shared) and not self.asking.has("linear static", shared):
+            missing.append("linear static")
+        return sum(self.asking.needs(what, shared) for what in missing)
+
+    def _is_long(self, variant: Variant) -> bool:
+        """Whether its static answer takes longer than there is time."""
+        shared = self.judging.shares_errors(variant)
+        room = self._share * self.budget - self.asking.spent()
+        return not self.asking.has("static", shared) and self.asking.needs("static", shared) > room
+
+    def _answers(self, variant: Variant, share: float = 1.0) -> None:
         """Static answer, modes and step of a variant, where the budget allows."""
         shared = self.judging.shares_errors(variant)
         for what in self.judging.rulers:
-            if self.asking.quantity(shared, what, share) is None:
+            found = self.asking.quantity(shared, what, share)
+            if found is None and what == "sag" and self.judging.linear is not None:
+                if not self.asking.has("static", shared):  # else it has none
+                    found = self.asking.ask("linear static", shared, share)
+            if found is None:
                 return
         if self.asking.ask("step", variant, share) is not None:
             self.asking.variants.append(variant)

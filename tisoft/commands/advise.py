@@ -56,8 +56,10 @@ def _tell(options: argparse.Namespace, found: Any) -> None:
     if found.choice.settings:
         line = " ".join(f"--set {shlex.quote(setting)}" for setting in found.choice.settings)
         print(f"tisoft run {shlex.quote(options.scene)} {line}")
-    else:
+    elif found.choice.worst.most <= found.tolerance:
         print("The scene is right as it is.")
+    else:
+        print("Nothing better than the scene as it is was found.")
     if not found.certain:
         print("This is not certain:", file=sys.stderr)
     for warning in found.warnings:

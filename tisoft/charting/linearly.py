@@ -1,0 +1,89 @@
+"""Sag as linear elasticity has it, for elements whose large displacements take long to compile.
+
+    K(0) u = f,   e ≈ s e_lin,   s = e/e_lin of the scene itself
+
+e is the error against the ruler, e_lin that of linear elasticity against a ruler of its own, on the
+same pair of meshes.  Where the two differ much (s beyond 2/3 and 3/2) linear elasticity tells
+nothing; their difference is added to the bar.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from tisoft.charting.estimate import Error, Ruler
+from tisoft.errors import NoEquilibrium
+from tisoft.scene import Scene
+
+MOST_APART = 1.5
+
+
+@dataclass(frozen=True)
+class LinearRuler:
+    """The ruler of linear elasticity, and how its errors compare with those of large strains."""
+
+    ruler: Ruler
+    share: float
+    """s"""
+
+    def error(self, value: Any) -> Error:
+        """The error of a variant, by its linear answer."""
+        found = self.ruler.error(value)
+        return Error(self.share * found.value, found.bar + abs(self.share - 1.0) * found.value)
+
+
+def linear_ruler(truth: Ruler, error: Error, own: Any) -> LinearRuler | None:
+    """The ruler, or None where linear elasticity tells nothing of the scene.
+
+    Args:
+        truth: the ruler of linear elasticity.
+        error: of the scene itself, large displacements.
+        own: the scene's own linear answer.
+    """
+    linear = truth.error(own)
+    if error.below or linear.below:
+        return LinearRuler(truth, 1.0) if error.below and linear.below else None
+    share = error.value / linear.value
+    return LinearRuler(truth, share) if 1.0 / MOST_APART < share < MOST_APART else None
+
+
+def linear_static(scene: Scene) -> tuple[list[np.ndarray], float]:
+    """Displacements [m] of each body's nodes, shape (nodes, 3), and the elastic energy [J]; raises
+    NoEquilibrium for a body that its pins let go."""
+    from tisoft.equilibrium.at_rest import AtRest
+    from tisoft.equilibrium.balance import held_axes, pin_places
+    from tisoft.gravity import gravity_at
+    from tisoft.model.part import parts_of
+    from tisoft.step.loading import external_forces
+
+    parts = parts_of(scene.bodies)
+    loads = external_forces(parts, scene.duration)
+    moved, energy = [], 0.0
+    for part in parts:
+        stiffness = AtRest(part).stiffness()
+        force = loads[part.nodes] + part.mass[:, None] * gravity_at(scene.gravity, scene.duration)
+        u = pin_places(part, scene.duration, 1.0).ravel()
+        free = np.flatnonzero(~held_axes(part, scene.duration).ravel())
+        right = (force.ravel() - stiffness @ u)[free]
+        u[free] = _solved(stiffness[free][:, free], right)
+        energy += 0.5 * float(u @ (stiffness @ u))
+        own = np.empty((len(part.order), 3))
+        own[part.order] = u.reshape(-1, 3)
+        moved.append(own)
+    return moved, energy
+
+
+def _solved(matrix: sparse.csc_matrix, right: Any) -> Any:
+    try:
+        factor = splu(
+            matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )  # fmt: skip
+    except RuntimeError:  # exactly singular
+        raise NoEquilibrium("the pins let a body go") from None
+    return factor.solve(right)
