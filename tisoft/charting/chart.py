@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -141,14 +142,19 @@ def chart(scene: str | Path | Scene, *, budget: float = 60.0) -> Chart:
     return chart_of(survey)
 
 
-def chart_of(survey: Survey) -> Chart:
-    """The chart of what a survey has found so far; raises SceneError where that is too little."""
+def chart_of(survey: Survey, share: float = 1.0) -> Chart:
+    """The chart of what a survey has found so far; raises SceneError where that is too little.
+
+    Args:
+        survey: what was asked.
+        share: of the whole budget, which the survey had.
+    """
     found = survey.judged()
     if len(found) < 2:
-        needs = max(2.0 * survey.budget, 2.0 * survey.asking.spent())
+        needs = math.ceil(2.0 * max(survey.budget, survey.asking.spent()) / share)
         raise SceneError(
-            f"a budget of {survey.budget:g} s is too small for two variants of this scene; give "
-            f"{needs:.0f} or more"
+            f"a budget of {survey.budget / share:g} s is too small for two variants of this scene; "
+            f"give {needs} or more"
         )
     steps = step_side(survey, found[0])
     return Chart(found, list(dict.fromkeys([*doubts(survey), *survey.warnings])), steps)

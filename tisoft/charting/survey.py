@@ -153,12 +153,27 @@ class Survey:
         for pair in pairs[1:] if rulers else []:
             self._take(pair)
         if not rulers:
-            raise SceneError(
-                "no ruler can be had: the mesh is too large for quadratic tets, or its cells "
-                "cannot be refined; take a coarser mesh, or tets"
-            )
+            raise SceneError(self._no_ruler(pairs))
         for missing in set(self._quantities()) - set(rulers):
             self.warn(f"{missing} is left out: the ruler has no answer for it{self._why(missing)}")
+
+    def _no_ruler(self, pairs: Sequence[Pair]) -> str:
+        """Why nothing can be held against anything."""
+        if not pairs:
+            return (
+                "the scene cannot be charted: none of its bodies can be varied, as those of tets, "
+                "of shapes, of cages and of springs from Young's modulus can"
+            )
+        size = self.asking.size(pairs[0].better)
+        if size is not None and size["nodes"] > LARGEST_RULER:
+            return (
+                f"the mesh is too large for a ruler: quadratic tets would have {size['nodes']} "
+                f"nodes, more than {LARGEST_RULER}, and it has no coarser twin; take a coarser mesh"
+            )
+        return (
+            f"a budget of {self.budget:g} s is too small for the ruler of this scene; give more, "
+            "or take a coarser mesh"
+        )
 
     def _quantities(self) -> list[str]:
         """Which of sag and frequency the scene has."""

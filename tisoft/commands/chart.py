@@ -72,7 +72,7 @@ def _finish(
     from tisoft.charting.chart import chart_of
 
     try:
-        chart = chart_of(survey)
+        chart = chart_of(survey, 1.0 - DRAWING)
     except SceneError:
         if stop is not None:
             raise stop from None
