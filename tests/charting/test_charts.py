@@ -13,14 +13,17 @@ from tisoft.charting.carriers import carrier
 from tisoft.charting.chart import Chart
 from tisoft.charting.estimate import Error
 from tisoft.charting.judged import Judged, with_pareto
+from tisoft.charting.linearly import linear_ruler
 from tisoft.charting.page import page
 from tisoft.charting.picture import files
+from tisoft.charting.records import Place, linear_static_of, static_of
 from tisoft.charting.rulers import ruler_of
 from tisoft.charting.survey import Survey
 from tisoft.charting.thumbnails import picture
 from tisoft.errors import SceneError
 from tisoft.geometry.shapes import box
 from tisoft.geometry.solid import quadratic
+from tisoft.scene_file import load_scene
 
 BEAM = """
 gravity = [0, 0, -9.81]
@@ -82,6 +85,22 @@ def test_predicted_errors_are_those_of_the_continuum_within_their_bars(scene):
         assert 0.9 < predicted.value / true.value < 1.1
         assert abs(predicted.value - true.value) < predicted.bar
         assert measure(fine, exact).value < measure(fine, survey.judging.rulers[what]).most
+
+
+def test_hexahedra_are_judged_by_linear_elasticity_where_their_kernels_would_take_too_long(scene):
+    linear = load_scene(scene, ['body.0.model="linear"'])
+    tip = [Place("tip", 0, (1.0, 0.1, 0.1))]
+    balanced, solved = static_of(linear, tip), linear_static_of(linear, tip)
+    assert solved["places"][0] == pytest.approx(balanced["places"][0], rel=1e-6, abs=1e-12)
+    assert solved["energy"] == pytest.approx(balanced["energy"], rel=1e-6)
+    hexes = linear_static_of(load_scene(scene, ['body.0.mesh.box.split="hex"']), tip)
+    assert 0.92 < hexes["places"][0][2] / -0.3767 < 1.0  # the continuum's, linear
+
+    truth = estimate.Ruler(np.array([1.0]), 0.01)
+    judge = linear_ruler(truth, Error(0.3, 0.01), [0.6])  # e = .3 where e_lin = .4
+    assert judge.error([0.8]).value == pytest.approx(0.75 * 0.2)
+    assert judge.error([0.8]).bar == pytest.approx(0.01 + 0.25 * 0.2)
+    assert linear_ruler(truth, Error(0.1, 0.01), [0.6]) is None  # linear elasticity tells nothing
 
 
 def error_of(value, ruler):

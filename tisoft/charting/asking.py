@@ -12,6 +12,7 @@ from tisoft.charting.costs import Kind, predicted
 from tisoft.charting.patience import Patience
 from tisoft.charting.records import Bench
 from tisoft.charting.variants import Variant
+from tisoft.model.system import SMALL
 from tisoft.step.pace import CELLS_PER_THREAD
 from tisoft.step.stepper import SPRINGS_PER_TET
 
@@ -55,7 +56,7 @@ class Asking:
             left = 3600.0 if self.patient else max(1.0, until * self.budget - self.spent())
             found = self.bench.ask(what, variant, left)
             seconds = found["worked" if self.patient else "seconds"]
-            kind, size = self._kind(variant)
+            kind, size = self._kind(what, variant)
             self.patience.took(what, kind, size, seconds)
         return self.known(what, variant)
 
@@ -95,7 +96,7 @@ class Asking:
 
     def needs(self, what: str, variant: Variant) -> float:
         """Seconds that an answer will take."""
-        kind, size = self._kind(variant)
+        kind, size = self._kind(what, variant)
         if what == "timing":
             return self.patience.timing(kind)
         if what == "path":
@@ -104,13 +105,14 @@ class Asking:
             return 0.5 + 1.2 * self.cost(variant)[0] * self.duration
         return self.patience.needs(what, kind, size)
 
-    def _kind(self, variant: Variant) -> tuple[tuple[str, ...], dict[str, Any]]:
+    def _kind(self, what: str, variant: Variant) -> tuple[tuple[str, ...], dict[str, Any]]:
+        """What decides which kernels an answer needs, and the variant's size."""
         size = self.size(variant)
         if size is None:
             return ("", "", "", "", ""), {}
         words = [size[k] for k in ("element", "model", "precision", "integrator")]
-        loops = "alone" if _threads(size) == 1 else "shared"  # kernels of their own
-        return (*words, loops), size
+        alone = _threads(size) == 1 if what == "timing" else size["elements"] < SMALL
+        return (*words, "alone" if alone else "shared"), size  # loops are kernels of their own
 
     def cost(self, variant: Variant) -> tuple[float, bool]:
         """Seconds of computing a simulated second, and whether they were timed."""

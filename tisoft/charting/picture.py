@@ -49,10 +49,10 @@ def draw(ax: Any, chart: Chart) -> None:
     _scale(ax.xaxis, ax.set_xlim, [v.cost for v in chart.variants], 1.0)
     ends = [end for v in chart.variants for end in (_low(v), v.worst.most)]
     _scale(ax.yaxis, ax.set_ylim, ends, 100.0)
-    write_names(ax, chart, line)
     ax.set_xlabel("seconds of computing a simulated second, on this machine")
     ax.set_ylabel("predicted error in per cent (the larger of those that count)")
     ax.set_title("\n".join(chart.sentences()), fontsize=9)
+    write_names(ax, chart, line)  # last: they need all else in its place
 
 
 def joined(chart: Chart) -> list[Judged]:
@@ -94,7 +94,7 @@ def step_picture(chart: Chart) -> str:
     side = chart.steps
     if side is None:
         return ""
-    return _written((8.6, 4.6), lambda figure: draw_steps(figure, side))[1]
+    return _written((8.6, 4.6), lambda figure: draw_steps(figure, side), is_svg_alone=True)[1]
 
 
 def draw_steps(figure: Any, side: StepSide) -> None:
@@ -139,11 +139,16 @@ def draw_steps(figure: Any, side: StepSide) -> None:
     below.minorticks_off()
 
 
-def _written(size: tuple[float, float], fill: Callable[[Any], None]) -> tuple[bytes, str]:
+def _written(
+    size: tuple[float, float], fill: Callable[[Any], None], *, is_svg_alone: bool = False
+) -> tuple[bytes, str]:
     with pictures.matplotlib_style() as figure_class:
         figure = figure_class(figsize=size)
         fill(figure)
+        figure.canvas.draw()
+        figure.set_layout_engine("none")  # the same for both files
         png, svg = io.BytesIO(), io.StringIO()
-        figure.savefig(png, format="png", dpi=110, metadata={"Software": None})
+        if not is_svg_alone:
+            figure.savefig(png, format="png", dpi=110, metadata={"Software": None})
         figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": None})
     return png.getvalue(), svg.getvalue()

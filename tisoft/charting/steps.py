@@ -26,6 +26,8 @@ SHARES = np.concatenate([np.geomspace(0.05, 0.98, 12), [1.05, 1.3, 1.6, 2.0]])
 """Steps that are drawn, as shares of the limit."""
 MOST_SUBSTEPS = 200_000
 """Substeps that an oscillator is followed for."""
+LOOKS = 4096
+"""Moments at which it is looked at, at the most."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +105,7 @@ def step_error(integrator: str, modes: Floats, h: float, duration: float) -> flo
         step = np.array([[1.0 - w2, one], [-w2, one]])
     values, vectors = np.linalg.eig(np.moveaxis(step, 2, 0))
     start = np.linalg.solve(vectors, np.stack([-one, zero], axis=1)[:, :, None].astype(complex))
-    n = np.arange(count + 1)
+    n = np.unique(np.linspace(0, count, min(count + 1, LOOKS)).round())
     worst = []
     for k in range(len(modes)):
         with np.errstate(over="ignore", invalid="ignore"):

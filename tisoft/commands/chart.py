@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,8 @@ STORE = "variants.json"
 FILES = ("chart.png", "chart.svg", "chart.html", "chart.csv", "chart.json", STORE)
 DRAWING, CHART = 0.12, 3.0
 """Share of the budget that drawing takes, and seconds without the meshes' pictures."""
+LEAST = 0.5
+"""Share of the budget that is left to the survey at the least."""
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -38,8 +41,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     """Survey the variants and draw them."""
-    from tisoft.charting.survey import Survey
-
+    begun = time.perf_counter() - time.process_time()  # the program's start counts too
     if not options.budget > 0.0:
         raise SceneError(f"--budget is {options.budget:g}; give seconds above 0")
     if options.workers is not None and options.workers < 1:
@@ -52,7 +54,7 @@ def execute(options: argparse.Namespace) -> int:
     with ResultFolder(options.output, owner) as folder:
         kept = {} if options.overwrite else _kept(folder.path / STORE)
         bar = _Bar(options)
-        survey = Survey(options.scene, (1.0 - DRAWING) * options.budget, settings, kept, bar.tick)
+        survey = _survey(options, settings, kept, bar.tick, begun)
         folder.begin(FILES)
         try:
             survey.measure(workers=_workers(options))
@@ -62,22 +64,37 @@ def execute(options: argparse.Namespace) -> int:
         finally:
             bar.close()
             write_text(folder.path / STORE, json.dumps(kept) + "\n")
-        return _finish(options, survey, folder, stop)
+        return _finish(options, survey, folder, stop, begun + options.budget)
+
+
+def _survey(
+    options: argparse.Namespace, settings: list[str], kept: Any, tick: Any, begun: float
+) -> Any:
+    """The survey, with what drawing leaves it of the time since `begun`."""
+    from tisoft.charting.survey import Survey
+
+    whole = options.budget
+    left = whole - max(DRAWING * whole, CHART) - (time.perf_counter() - begun)
+    return Survey(options.scene, max(left, LEAST * whole), settings, kept, tick)
 
 
 def _finish(
-    options: argparse.Namespace, survey: Any, folder: ResultFolder, stop: KeyboardInterrupt | None
+    options: argparse.Namespace,
+    survey: Any,
+    folder: ResultFolder,
+    stop: KeyboardInterrupt | None,
+    ends: float,
 ) -> int:
     """Draw what there is and tell it; returns the exit code."""
     from tisoft.charting.chart import chart_of
 
     try:
-        chart = chart_of(survey, 1.0 - DRAWING)
+        chart = chart_of(survey, survey.budget / options.budget)
     except SceneError:
         if stop is not None:
             raise stop from None
         raise
-    _write(survey, chart, folder.path, Path(options.scene).name)
+    _write(survey, chart, folder.path, Path(options.scene).name, ends)
     result = chart.result()
     if stop is not None:
         folder.state = "interrupted"
@@ -114,8 +131,6 @@ class _Bar:
     """Names the variant at work, and how much of the budget is gone, on a terminal."""
 
     def __init__(self, options: argparse.Namespace) -> None:
-        import time
-
         from tqdm import tqdm
 
         disable = True if options.quiet else None  # None: only on a terminal
@@ -136,7 +151,8 @@ class _Bar:
         self._bar.close()
 
 
-def _write(survey: Any, chart: Any, folder: Path, title: str) -> None:
+def _write(survey: Any, chart: Any, folder: Path, title: str, ends: float) -> None:
+    """All files; pictures of meshes until the time `ends`."""
     from tisoft.charting.page import page
     from tisoft.charting.picture import files, step_picture
     from tisoft.charting.thumbnails import pictures_of
@@ -145,8 +161,8 @@ def _write(survey: Any, chart: Any, folder: Path, title: str) -> None:
     png, svg = files(chart)
     write_bytes(folder / "chart.png", png)
     write_text(folder / "chart.svg", svg)
-    left = survey.budget / (1.0 - DRAWING) - survey.asking.spent()
-    shapes = pictures_of(survey, left - CHART * survey.asking.patience.slowness)
-    write_text(folder / "chart.html", page(chart, svg, title, shapes, step_picture(chart)))
+    steps = step_picture(chart)
+    shapes = pictures_of(survey, ends - time.perf_counter())
+    write_text(folder / "chart.html", page(chart, svg, title, shapes, steps))
     write_csv(folder / "chart.csv", chart.table())
     write_text(folder / "chart.json", as_json(chart.result()) + "\n")
