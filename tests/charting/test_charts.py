@@ -1,9 +1,11 @@
 """Charts: the predicted error of a scene against the true one, and what is told of it."""
 
 import xml.etree.ElementTree as ElementTree
+from itertools import combinations
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import tisoft as ts
 from tisoft import cli
@@ -149,6 +151,19 @@ def test_picture_and_page_are_whole_and_hold_every_variant(chart):
     assert "beam &lt;1&gt;" in text
     for k, v in enumerate(chart.variants):
         assert f'id="variant-{k}"' in text and f"x={v.name}" in text
+
+
+def test_names_on_a_chart_cover_neither_points_nor_one_another():
+    crowd = [judged(f"variant {k}", 1.0 + 0.02 * k, 0.3 - 0.004 * k) for k in range(10)]
+    crowded = Chart(with_pareto([judged("as it is", 1.0, 0.3, current=True), *crowd]))
+    axes = Figure(figsize=(8, 5)).subplots()
+    crowded.plot(axes)
+    names = [t for t in axes.texts if t.get_visible() and t.get_text()]
+    boxes = [t.get_window_extent() for t in names]
+    assert len(names) > 2 and names[0].get_text() == "your scene"
+    assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
+    points = axes.transData.transform([(v.cost, v.shown) for v in crowded.variants])
+    assert not any(box.contains(*point) for box in boxes for point in points)
 
 
 @pytest.mark.parametrize(
