@@ -214,6 +214,12 @@ class Survey:
             self.warn(pair.told)
         return found
 
+    def _may_turn(self, variant: Variant) -> bool:
+        """Whether bodies that become linear may turn by what no equilibrium tells of, which linear
+        elasticity does not stand."""
+        spins = any(np.any(np.asarray(body.spin)) for body in self.scene.bodies)
+        return variant.kind == "model" and (spins or not self.judging.static)
+
     def _find_linear_ruler(self) -> None:
         """Linear elasticity on the meshes of the ruler, for variants whose static answer takes
         longer than there is time."""
@@ -238,7 +244,8 @@ class Survey:
         yield from self.catalogue.others() if others else ()
 
     def _may_be(self, variant: Variant) -> bool:
-        if self.asking.size(variant) is None:
+        size = self.asking.size(variant)
+        if size is None or ("linear" in size["model"].split("+") and self._may_turn(variant)):
             return False
         if not self.same_probes or variant.kind != "mesh":
             return True
