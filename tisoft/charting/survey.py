@@ -31,6 +31,8 @@ LARGEST_RULER = 60_000
 """Nodes of a quadratic mesh that statics and modes are asked of."""
 SHARES = {"ruler": 0.5, "answers": 0.65, "timing": 0.85, "path": 0.95}
 """Of the budget, at which each stage must be over."""
+MOST_OVER = 1.2
+"""Times the budget, that the first look may take by what is known before."""
 NO_TIME = "there was no time to find the equilibrium; give a larger budget"
 SAME_PLACE = 1e-6
 """Share of a body's size within which a node is where a probe is."""
@@ -112,7 +114,15 @@ class Survey:
     # -- the scene itself ----------------------------------------------------------------------
 
     def _first_look(self, now: Variant) -> None:
-        for what in ("static", "modes", "step"):
+        missing = [w for w in ("static", "modes", "step") if not self.asking.has(w, now)]
+        needs = sum(self.asking.needs(what, now) for what in missing)
+        if needs > MOST_OVER * self.budget:
+            raise SceneError(
+                f"the scene as it is has {self.asking.bench.ask('size', now)['nodes']} nodes, "
+                f"whose equilibrium and modes take about {needs:.0f} s: too many for the time "
+                "there is; take a coarser mesh, or chart it with a larger --budget"
+            )
+        for what in missing:
             self.asking.ask(what, now, always=True)
         self.judging.static = self._has_static(now)
         modes = self.asking.known("modes", now)
