@@ -108,11 +108,18 @@ def test_the_steps_own_error_is_that_of_theory():
 
 
 def test_costs_are_predicted_from_what_is_most_alike():
-    tets = Kind("tet4", "viscoelastic", "f32", "symplectic-euler", 1000, 6000.0, 60.0)
-    twice = Kind("tet4", "viscoelastic", "f32", "symplectic-euler", 2000, 12000.0, 60.0)
+    """Twice the elements at twice the substeps: four times as dear, less what frames take."""
+
+    def kind(element, elements, substeps, frame_rate=1.0):
+        names = (element, "viscoelastic", "f32", "symplectic-euler")
+        return Kind(*names, elements, substeps, frame_rate)
+
+    tets, twice = kind("tet4", 1000, 6000.0), kind("tet4", 2000, 12000.0)
     assert predicted(twice, [(tets, 0.3)]) == pytest.approx(1.2, rel=0.05)
-    hexes = Kind("hex8", "viscoelastic", "f32", "symplectic-euler", 1000, 6000.0, 60.0)
+    hexes = kind("hex8", 1000, 6000.0)
     assert predicted(twice, [(tets, 0.3), (hexes, 9.0)]) == pytest.approx(1.2, rel=0.05)
+    watched = kind("tet4", 1000, 6000.0, 60.0), kind("tet4", 2000, 12000.0, 60.0)
+    assert 0.6 < predicted(watched[1], [(watched[0], 0.3)]) < 1.1
 
 
 def test_paths_that_part_are_noticed():
