@@ -6,7 +6,7 @@ import pytest
 from tisoft.errors import SceneError
 from tisoft.render.colormap import PALETTE, body_color, colors_of, table
 from tisoft.render.items import to_linear
-from tisoft.render.overlay import ColorBar, draw_caption, draw_color_bar, ticks
+from tisoft.render.overlay import ColorBar, draw_caption, draw_color_bar, draw_labels, ticks
 
 
 def test_values_run_through_the_map_and_stop_at_its_ends():
@@ -58,3 +58,10 @@ def test_a_caption_darkens_the_lower_left_only():
     white = np.full((180, 320, 3), 255, dtype=np.uint8)
     changed = (draw_caption(white, "t = 0.25 s") < 255).any(axis=2)
     assert changed[90:, :160].any() and not changed[:90].any() and not changed[:, 160:].any()
+
+
+def test_labels_stay_inside_the_picture():
+    blank = np.full((120, 160, 3), 200, np.uint8)
+    marked = draw_labels(blank, ["soft, 200 tets, 13 ms"], np.array([[80.0, 118.0]])) != blank
+    rows = marked.any(axis=(1, 2)).nonzero()[0]
+    assert 120 - 4 * 20 < rows[0] < 80 and rows[-1] < 119

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,7 +128,9 @@ def draw_labels(picture: Picture, texts: Sequence[str], places: NDArray[np.float
     draw = ImageDraw.Draw(image)
     for text, (x, y) in zip(texts, places, strict=True):
         lines = text.replace(", ", "\n")
-        top = min(y + 0.5 * unit, height - unit * (1.15 * (lines.count("\n") + 1) + 0.3))
-        halo = {"stroke_width": round(0.1 * unit), "stroke_fill": PAPER}
-        draw.multiline_text((x, top), lines, INK, face, anchor="ma", align="center", **halo)
+        shape: Any = {"font": face, "anchor": "ma", "align": "center", "spacing": 0.1 * unit}
+        shape["stroke_width"] = round(0.1 * unit)
+        high = draw.multiline_textbbox((0, 0), lines, **shape)[3]
+        top = min(y + 0.5 * unit, height - high - 0.3 * unit)
+        draw.multiline_text((x, top), lines, INK, stroke_fill=PAPER, **shape)
     return np.asarray(image)
