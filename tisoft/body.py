@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tisoft import checks, live
 from tisoft.checks import FieldError, Vector, inside
-from tisoft.geometry.cage.carried import Carried
+from tisoft.geometry.cage.carried import Carried, Means
 from tisoft.geometry.mesh import Mesh, SolidMesh, SpringNet, TetMesh, present_numbers
 from tisoft.geometry.skin import Skin
 from tisoft.live import Items, Live
@@ -19,6 +19,7 @@ from tisoft.models.materials import MassSpring, Model, SolidModel
 from tisoft.pins import Pin, Turn
 from tisoft.region_material import RegionMaterial, materials_of
 from tisoft.where import (
+    Everything,
     InSet,
     Nearest,
     NodeNumbers,
@@ -223,6 +224,18 @@ class Body(Live):
             return own
         return np.union1d(own, self.carried.holders(points))
 
+    def grip(self, where: Selection) -> tuple[NodeNumbers, Means | None]:
+        """What a pin holds: rows of `mesh.points`; and of a cage's surface that lies on no plane of
+        the lattice the means of its cells (`Carried.means`), with what is selected beside these.
+        """
+        if self.carried is not None and not isinstance(where, (Nodes, Nearest, Everything)):
+            points, own = self.points(where), where.select(self.mesh.points)
+            if len(points) and not (len(own) and self.carried.is_on_plane(points)):
+                means = self.carried.means(points)
+                if means is not None:
+                    return np.setdiff1d(own, means.around), means
+        return self.nodes(where), None
+
     def faces(self, where: Selection) -> NDArray[np.int64]:
         """Rows of `mesh.surface` (of a cage: of its skin) all of whose nodes are selected, or a
         set's own faces.
@@ -315,9 +328,13 @@ class Body(Live):
     def _check_pins(self, pins: list[Pin]) -> None:
         """Every pin holds a node, and no two move the same component differently."""
         owners = np.full((3, len(self.mesh.points)), -1)
+        patches: dict[tuple[int, ...], int] = {}
         for i, pin in enumerate(pins):
             with inside(f"pin[{i}]"):
-                nodes = self.nodes(pin.where)
+                self.nodes(pin.where)  # tells what it does not find
+                nodes, means = self.grip(pin.where)
+            if means is not None:
+                self._check_means(pins, i, means, patches)
             for axis in pin.axes:
                 held = owners["xyz".index(axis)]
                 for other in np.unique(held[nodes][held[nodes] >= 0]):
@@ -326,6 +343,16 @@ class Body(Live):
                         problem = f"moves node {node} along {axis} otherwise than pin[{other}] does"
                         raise FieldError(f"pin[{i}]", f"{problem}; keep their nodes apart")
                 held[nodes] = i
+
+    def _check_means(
+        self, pins: list[Pin], i: int, means: Means, known: dict[tuple[int, ...], int]
+    ) -> None:
+        for cell in map(tuple, means.nodes.tolist()):
+            other = pins[known.setdefault(cell, i)]
+            for axis in pins[i].axes:
+                if axis in other.axes and other.motion_along(axis) != pins[i].motion_along(axis):
+                    problem = f"moves a cell along {axis} otherwise than pin[{known[cell]}] does"
+                    raise FieldError(f"pin[{i}]", f"{problem}; keep their patches apart")
 
     def _check_load(self, load: Load) -> None:
         if load.kind == "force":

@@ -76,6 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def program() -> NoReturn:
     """The process of a command line: what the shell calls."""
+    _open_streams()
     code = stops.heeding(lambda: _outcome(None), _tell, last=True)
     for stream in (sys.stdout, sys.stderr):
         try:
@@ -83,6 +84,18 @@ def program() -> NoReturn:
         except OSError:  # nobody reads any more; Python would end with a code of its own
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     sys.exit(code)
+
+
+def _open_streams() -> None:
+    """Open streams that the caller has closed (`>&-`), onto nothing: else Python has none, and the
+    next file that is opened would get what libraries print.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            nothing = os.open(os.devnull, os.O_RDWR)  # the lowest that is free: mostly this one
+            if nothing != number:
+                os.dup2(nothing, number)
+            setattr(sys, name, os.fdopen(number, "r" if number == 0 else "w"))
 
 
 def _outcome(arguments: Sequence[str] | None) -> int:

@@ -129,4 +129,14 @@ def state_of(sim: Motion, positions: Any, velocities: Any) -> tuple[Floats, Floa
                 "held nodes where they are, or take the pin away before"
             )
             raise FieldError(f"positions[{number}]", problem, x[number])
+    for patch in sim.holder.patches.held:
+        part = patch.part
+        u = x[part.nodes][part.order] - part.body.mesh.points[part.order]
+        away = np.abs(patch.means(u) - patch.targets(sim.time))[:, patch.axes]
+        if away.max(initial=0.0) > OFF * part.size:
+            problem = (
+                f'moves what pin[{part.body.pins.index(patch.pin)}] of "{part.body.name}" holds; '
+                "leave its surface there, or take the pin away before"
+            )
+            raise FieldError("positions", problem)
     return x, v

@@ -312,6 +312,7 @@ class Motion(Present):
                 self.next_look = max(1, min(self.next_look, int(time / step)))
         if moved:
             self.place_obstacles()
+            self.holder.patches.place()
 
 
 def _stepping_clock() -> float:

@@ -107,7 +107,8 @@ class Present:
         self.meets = False
         """Whether surfaces have come near each other: contact is compiled then, and stays."""
         self.loading = Loading(self.system)
-        self.holder = Holder(self.system)
+        by_means = runtime.on_cpu() and scene.integrator != "explicit-euler"
+        self.holder = Holder(self.system, by_means=by_means)
         self.schedule = Schedule(self.system)
         if interactive:
             self.limit.sharpens = False
@@ -155,8 +156,9 @@ class Present:
         timed = timed or any(pin.moves for pin in pins)
         if self.schedule.acting or timed:
             acting = Acting()
-            for part, pin in self.holder.moved:
-                acting.add_pin(part, pin)
+            for part, pin, rows in self.holder.moved:
+                acting.add_pin(part, pin, rows)
+            self.holder.patches.write(acting.pins)
             if self.loading.changes or self.shakes:
                 self.loading.act(acting)
             if self.shakes:
@@ -164,7 +166,9 @@ class Present:
             self._act_obstacles(acting)
         self.loading.write()
         self.schedule.set(acting)
-        if self.schedule.fields is not self.stepper.structure.inputs:
+        structure = self.stepper.structure
+        known, now = (structure.inputs, structure.means), (self.schedule.fields, self._means)
+        if any(a is not b for a, b in zip(known, now, strict=True)):
             self.stepper = self._make_stepper()
             self.stepper.compile()
 
@@ -179,7 +183,13 @@ class Present:
     def _rules(self) -> Rules:
         contact = bool(self.scene.obstacles)
         touching = self.touching if self.meets else None
-        return Rules(self.scene.integrator, contact, self.account is not None, touching)
+        ledger = self.account is not None
+        return Rules(self.scene.integrator, contact, ledger, touching, self._means)
+
+    @property
+    def _means(self) -> Any:
+        """Fields of patches that are held by means of cells, or None."""
+        return self.holder.patches.fields
 
     def look_for_contact(self) -> None:
         """See whether surfaces may touch before the state is looked at again: until then a body
@@ -425,7 +435,7 @@ class Present:
         drag = np.array([part.body.model.point_damping for part in system.parts])
         a -= drag[system.body][:, None] * system.v
         a[(self.holder.held[:, None] & np.array([1, 2, 4])) != 0] = 0.0
-        return a
+        return self.holder.patches.project(a)
 
     def whole_velocities(self) -> Floats:
         """Velocities [m/s] of all nodes at the present time, shape (nodes, 3), internal order."""

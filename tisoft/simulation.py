@@ -159,7 +159,7 @@ class Simulation(Motion):
         """Forces of pins on their nodes [N], 0 where nothing is held, shape (nodes, 3)."""
         self.refresh()
         external = external_forces(self.parts, self.time, self.system.world())
-        internal, held = self.stepper.forces(), self.holder.held
+        internal, held = self.stepper.forces(), self.holder
         force = reactions(self.system, held, internal, external, self.gravity_now)
         return self._outside(force, body)
 

@@ -1,4 +1,4 @@
-"""Signals that ask a command to end: Ctrl-C, SIGTERM (batch systems, `timeout`), SIGHUP.
+"""Signals that ask a command to end: Ctrl-C, SIGTERM (batch systems, `timeout`), SIGHUP, SIGXCPU.
 
 The first of them raises `Stopped`, so that `with` blocks finish their files, or is noted where
 that would do harm:
@@ -27,7 +27,9 @@ from types import FrameType
 from typing import Any, NoReturn
 
 SIGNALS = tuple(
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+    getattr(signal, name)
+    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGXCPU")
+    if hasattr(signal, name)
 )
 GRACE = 1.0
 """Seconds after a signal in which more of them are the same wish, and the end has time to come."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,10 @@ class Turn:
         put(self, "point", checks.vector("point", self.point))
         put(self, "axis", checks.direction("axis", self.axis))
         keep_number(self, "rate", unit="rad/s")
+
+    def slower(self, factor: float) -> Turn:
+        """The same axis, at a multiple of the rate."""
+        return replace(self, rate=factor * self.rate)
 
     def displacement(self, points: Points, time: float) -> Points:
         """How far rest positions [m], shape (n, 3), have been turned at `time` [s] (Rodrigues)."""

@@ -16,7 +16,7 @@ from stopping import environment, heeds_signals, press_at, wait_for
 from tisoft import stops
 from tisoft.cli import main
 
-SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
+SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGXCPU]
 LONG = ("--set", "duration=2000")
 
 
@@ -84,6 +84,14 @@ def test_a_process_ends_with_128_and_the_number(scene, tmp_path, start):
         _, error = child.communicate(timeout=300)
         assert child.returncode == 128 + number and error.count("\n") == 1
         assert_kept(tmp_path / f"out{number}")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a shell closes the streams")
+def test_closed_streams_change_nothing(tmp_path):
+    for closed, code in ((">&-", 0), ("2>&- >&- <&-", 0), ("2>&-", 2)):
+        words = "--version" if code == 0 else "check nowhere.toml"
+        line = f"{sys.executable} -m tisoft {words} {closed}"
+        assert subprocess.run(line, shell=True, env=environment()).returncode == code
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")

@@ -11,6 +11,8 @@ from scipy.sparse.linalg import eigsh, spsolve
 from surfaces import block, prongs, sphere, turn
 
 import tisoft as ts
+from tisoft.equilibrium.modes import natural_modes
+from tisoft.equilibrium.statics import equilibrium
 from tisoft.geometry.cage.build import caged
 from tisoft.geometry.cage.carried import shares
 from tisoft.geometry.cage.lattice import Lattice
@@ -179,8 +181,63 @@ def test_pressure_on_a_carried_ball(across, most):
     assert np.abs(np.cross(wild, f).sum(axis=0)).max() < 1e-12
 
 
+def clamped(edge, degrees):
+    """The beam in a lattice that does not fit, clamped at x = 0 by means; and how it is turned."""
+    R = turn([1, 1, 1], degrees)
+    points, triangles = block((1.0, 0.2, 0.2))
+    points = points @ R.T
+    low = points.min(axis=0) - 0.3 * edge
+    cells = np.ceil((points.max(axis=0) - low) / edge - 1e-9).astype(int)
+    mesh = caged(points, triangles, Lattice(np.eye(3), low, np.full(3, edge), cells))
+    scene = ts.Scene(gravity=(0, 0, 0), precision="f64", frame_rate=50)
+    return scene, mesh, R, ts.where.plane(R @ [1e-9, 0, 0], R @ [1.0, 0, 0])
+
+
+@pytest.mark.parametrize(
+    "edge, degrees, compliance, first",
+    [(0.1, 0, -8.1, 3.1), (0.1, 30, -10.9, 2.6), (0.05, 30, -2.8, 0.8)],
+)
+def test_a_beam_is_clamped_where_no_nodes_lie(edge, degrees, compliance, first):
+    """As by nodes where the lattice fits: what errs is the mesh, see pure bending."""
+    scene, mesh, R, end = clamped(edge, degrees)
+    body = scene.add_body(mesh, ts.Linear(1e6, 0.3, 1000.0))
+    body.pin(end)
+    body.load(ts.where.plane(R @ [1 - 1e-9, 0, 0], R @ [-1.0, 0, 0]), force=R @ [0, 0, -1.0])
+    assert not len(body.grip(end)[0])
+    found = equilibrium(scene)
+    assert 100 * (2 * found.energy["elastic"] / 2.544e-3 - 1) == pytest.approx(compliance, abs=0.2)
+    assert found.reactions.sum(axis=0) @ R == pytest.approx([0, 0, 1], abs=1e-9)
+    (frequency,) = natural_modes(scene, 1).frequencies
+    assert 100 * (frequency / FIRST - 1) == pytest.approx(first, abs=0.1)
+
+
+def test_held_means_are_where_they_belong_at_the_end_of_every_frame(tmp_path):
+    """A clamp that moves does the work that the beam gets; nothing is lost at it."""
+    scene, mesh, _, end = clamped(0.1, 30)
+    scene.step = 1e-4
+    body = scene.add_body(mesh, ts.Linear(1e6, 0.3, 1000.0))
+    body.pin(end, path=[[0, 0, 0, 0], [0.05, 0, 0, 0], [0.15, 0.02, 0, 0.01]])
+    sim = ts.Simulation(scene, ledger=True, threads=1)
+    (patch,) = sim.holder.patches.held
+    for frame in sim.frames(0.2):
+        off = patch.means(sim.system.u) - patch.targets(frame.time)
+        assert np.abs(off).max() < 1e-15
+        if round(50 * frame.time) == 5:
+            sim.save(tmp_path / "a.npz")
+    again = ts.Simulation.load(tmp_path / "a.npz")
+    again.run(0.1)
+    assert np.array_equal(sim.positions(), again.positions())
+    told = sim.energy()
+    assert told["kinetic"] + told["elastic"] == pytest.approx(told["external_work"], rel=5e-3)
+    assert told["dissipated"] == 0.0
+    x = sim.positions()
+    x[mesh.carried.means(body.points(end)).nodes[0, 0]] += 0.01
+    with pytest.raises(ts.SceneError, match=r"moves what pin\[0\] of \"body0\" holds"):
+        sim.set_state(x, np.zeros_like(x))
+
+
 def test_pins_and_loads_see_the_surface():
-    """On a lattice plane its nodes are held, elsewhere those within half a cell."""
+    """On a lattice plane its nodes are held, elsewhere the means of cells, or for a point nodes."""
     scene = ts.Scene()
     points, triangles = block((1.0, 0.2, 0.2))
     fitted = scene.add_body(ts.cage(points, triangles, cells_across=2), ts.Linear(1e6, 0.3, 1e3))
@@ -190,7 +247,15 @@ def test_pins_and_loads_see_the_surface():
     assert fitted.carried.area_shares(fitted.faces(end)).sum() == pytest.approx(0.04)
     lattice = Lattice(np.eye(3), np.array([-0.03, 0, 0]), np.full(3, 0.1), np.array([11, 2, 2]))
     shifted = scene.add_body(caged(points, triangles, lattice), ts.Linear(1e6, 0.3, 1e3))
-    assert np.unique(shifted.mesh.points[shifted.nodes(end), 0]) == pytest.approx([-0.03])
+    held, means = shifted.grip(end)
+    assert not len(held)
+    assert means.shares @ np.ones(8) == pytest.approx(np.ones(4))
+    places = np.einsum("ka,kad->kd", means.shares, shifted.mesh.points[means.nodes])
+    assert places[:, 0] == pytest.approx(np.zeros(4), abs=1e-15)
+    assert shifted.grip(ts.where.nodes([0]))[1] is None
+    shifted.pin(end)
+    with pytest.raises(ts.SceneError, match=r"moves a cell along x otherwise than pin\[0\] does"):
+        shifted.pin(end, velocity=(1, 0, 0))
     whole = shifted.carried.area_shares(np.arange(len(shifted.skin.triangles)))
     assert whole.sum() == pytest.approx(0.88)
     with pytest.raises(ts.SceneError, match="selects no node"):

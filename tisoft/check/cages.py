@@ -8,7 +8,7 @@ import numpy as np
 
 from tisoft.body import Body
 from tisoft.geometry.cage.build import Cage
-from tisoft.geometry.cage.carried import Carried
+from tisoft.geometry.cage.carried import MOST_MEANS, Carried
 from tisoft.geometry.cage.thickness import thinnest
 
 FEW, VERY_FEW = 3.0, 1.5
@@ -65,10 +65,10 @@ def pin_warnings(body: Body) -> Iterator[str]:
     for number, pin in enumerate(body.pins):
         points = body.points(pin.where)
         if len(points) and len(points) < len(body.carried.skin.corners):
-            if not body.carried.is_on_plane(points):
+            if not body.carried.is_on_plane(points) and body.grip(pin.where)[1] is None:
                 yield (
-                    f"is held by pin[{number}] within half a cell of where it is pinned, which is "
-                    "no plane of its lattice: the clamp is off by up to half a cell"
+                    f"is held by pin[{number}] within half a cell of where it is pinned: points "
+                    f"alone, or more than {MOST_MEANS} cells; the clamp is off by up to half a cell"
                 )
 
 

@@ -11,7 +11,6 @@ where their faces close or end on held nodes.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
+from tisoft.equilibrium.held import Held
 from tisoft.equilibrium.operators import operators_of
 from tisoft.errors import NoEquilibrium
 from tisoft.loads import Load
@@ -31,36 +31,6 @@ TARGET = 1e-12
 """Out-of-balance forces that end an iteration, as a share of the load."""
 ACCEPTED = 1e-8
 """Out-of-balance forces that are still an answer where rounding allows no less."""
-
-
-def held_axes(part: Part, time: float) -> NDArray[np.bool_]:
-    """Whether pins hold each node along each axis at `time` [s], shape (nodes, 3), inside order."""
-    held = np.zeros((len(part.order), 3), bool)
-    for pin in part.body.pins:
-        if pin.release is None or time < pin.release:
-            inside = part.rank[part.body.nodes(pin.where)]
-            axes = np.array(["xyz".index(axis) for axis in pin.axes])
-            held[np.ix_(inside, axes)] = True
-    return held
-
-
-def pin_places(part: Part, time: float, factor: float) -> Floats:
-    """Prescribed displacements [m] at a load factor, zero where free, shape (nodes, 3)."""
-    place = np.zeros((len(part.order), 3))
-    for pin in part.body.pins:
-        if pin.release is not None and time >= pin.release:
-            continue
-        rows = part.body.nodes(pin.where)
-        points = part.body.mesh.points[rows]
-        if pin.turn is not None:
-            way = replace(pin.turn, rate=factor * pin.turn.rate).displacement(points, time)
-        else:
-            way = factor * pin.displacement(points, time)
-        axes = np.array(["xyz".index(axis) for axis in pin.axes])
-        moved = np.ix_(part.rank[rows], axes)
-        # Of two pins that hold a node, one may be still: the moving one tells where it is.
-        place[moved] = np.where(way[:, axes] != 0.0, way[:, axes], place[moved])
-    return place
 
 
 class Balance:
@@ -76,8 +46,8 @@ class Balance:
         self.part = part
         self.time = time
         self.elastic = operators_of(part)
-        self.held = held_axes(part, time)
-        self.free = ~self.held
+        self.held = Held(part, time)
+        self.free = self.held.free
         self.rest = part.body.mesh.points[part.order]
         acting = [load for load in part.body.loads if load.factor(time)]
         self.followers = [a for a in acting if a.kind in ("pressure", "torque")]
@@ -92,7 +62,7 @@ class Balance:
         """All loads at rest [N]."""
         self.linear = part.elements > 0 and not self.elastic.is_finite
         self.start = self.elastic.force(np.zeros_like(dead))
-        self.start[self.held] = 0.0
+        self.start = self.held.balanced(self.start)
         self._state, self._factor = np.zeros_like(dead), 0.0
         self._follows: sparse.csr_array | None = None
 
@@ -114,16 +84,17 @@ class Balance:
 
     def place(self, factor: float) -> Floats:
         """Prescribed displacements at a load factor [m]."""
-        return pin_places(self.part, self.time, factor)
+        return self.held.place(factor)
 
     def external(self, u: Floats, factor: float) -> Floats:
         """All that the elastic forces must balance, apart from reactions [N]."""
         return factor * self.loads(u) - max(1.0 - factor, 0.0) * self.start
 
     def out_of_balance(self, u: Floats, factor: float) -> tuple[Floats, Floats]:
-        """Forces left over on free axes, and the pins' forces on held ones [N]."""
+        """Forces left over that nothing holds, and the pins' forces [N]."""
         total = self.elastic.force(u) + self.external(u, factor)
-        return np.where(self.free, total, 0.0), np.where(self.held, -total, 0.0)
+        left = self.held.balanced(total)
+        return left, left - total
 
     def scale(self, u: Floats, factor: float, reactions: Floats) -> float:
         """What residuals are compared with [N]: the largest nodal load, or the largest reaction
@@ -180,7 +151,7 @@ class Balance:
     def rigid_motions(self, u: Floats) -> Floats:
         """Rigid motions of the pieces that no pin holds anywhere, orthonormal rows, shape
         (6 pieces at the most, nodes · 3)."""
-        loose = np.flatnonzero(np.bincount(self.pieces, self.held.any(axis=1)) == 0)
+        loose = np.flatnonzero(np.bincount(self.pieces, self.held.gripped.any(axis=1)) == 0)
         x = self.rest if self.linear else self.rest + u
         rows = []
         for piece in loose:
@@ -217,7 +188,7 @@ class Balance:
         part, piece = self.part, self.pieces
         count = int(piece.max()) + 1
         for k, axis in enumerate("xyz"):
-            held = np.bincount(piece, self.held[:, k], minlength=count) > 0
+            held = np.bincount(piece, self.held.gripped[:, k], minlength=count) > 0
             push = np.abs(np.bincount(piece, self.load[:, k], minlength=count))
             size = np.bincount(piece, np.abs(self.load).sum(axis=1), minlength=count)
             flying = np.flatnonzero(~held & (push > 1e-9 * size))

@@ -17,7 +17,7 @@ import numpy as np
 
 from tisoft.body import Body
 from tisoft.checks import FieldError, inside
-from tisoft.equilibrium.balance import held_axes
+from tisoft.equilibrium.held import Held
 from tisoft.equilibrium.modes import body_modes
 from tisoft.equilibrium.operators import Elastic, Floats, operators_at_rest
 from tisoft.model.part import Part, parts_of
@@ -99,7 +99,7 @@ def first_mode(part: Part) -> tuple[float | None, Floats | None]:
     frequencies, shapes = body_modes(
         operators_at_rest(part),
         LOOKED_AT,
-        free=~held_axes(part, 0.0),
+        held=Held(part, 0.0),
         mass="consistent" if part.is_consistent else "lumped",
     )
     above = np.flatnonzero(frequencies > 0.0)

@@ -82,7 +82,7 @@ def _finds_mechanism(balance: Balance, solver: Solver) -> bool:
     if size == 0.0:
         return False
     d = solver.solve(zero, 0.0, right, tolerance=1e-6)
-    left = right.ravel()[solver.free] - solver.times(d.ravel()[solver.free])
+    left = solver.gather(right - balance.tangent_times(d))
     return bool(np.linalg.norm(left) > INCONSISTENT * size)
 
 

@@ -88,7 +88,9 @@ class Solver:
 
     def __init__(self, balance: Balance) -> None:
         self.balance = balance
-        self.free = np.flatnonzero(balance.free.ravel())
+        self.basis = balance.held.basis
+        """T from unknowns to components of all nodes."""
+        self.unknowns = self.basis.shape[1]
         self.negative = 0
         """Negative eigenvalues of the tangent that was last factorised (0 where none was)."""
         self.iterations = 0
@@ -101,14 +103,14 @@ class Solver:
     @property
     def factorises(self) -> bool:
         """Whether the body is small enough for a factorisation."""
-        return len(self.free) <= FACTOR_LIMIT
+        return self.unknowns <= FACTOR_LIMIT
 
     def refresh(self, u: Floats, factor: float, *, shift: float = 0.0) -> None:
         """Make the preconditioner anew from the tangent + shift [N/m]."""
-        matrix = self.balance.tangent(u, factor)[self.free][:, self.free].tocsc()
+        matrix = self.balance.held.on_unknowns(self.balance.tangent(u, factor))
         self.diagonal = float(np.abs(matrix.diagonal()).max(initial=0.0)) or 1.0
         self._fresh_at = u.copy(), factor
-        motions = self.balance.rigid_motions(u)[:, self.free]
+        motions = self.balance.rigid_motions(u) @ self.basis
         self._loose = motions if len(motions) else None
         if self.factorises:
             self._factorise(matrix, shift)
@@ -141,29 +143,31 @@ class Solver:
 
     def _take_blocks(self, u: Floats, shift: float) -> None:
         """The 3×3 blocks of the diagonal, with 1 on held axes."""
-        nodes = len(u)
         diagonal = self.balance.elastic.stiffness_blocks(u)
-        held = self.balance.held
+        held = self.balance.held.axes
         diagonal[held[:, :, None] | held[:, None, :]] = 0.0
         diagonal += np.eye(3) * (shift + SHIFT * self.diagonal)
         diagonal[held[:, :, None] & np.eye(3, dtype=bool)] = 1.0
         inverse = np.linalg.inv(diagonal)
 
         def precondition(r: Floats) -> Floats:
-            full = np.zeros(3 * nodes)
-            full[self.free] = r
-            out: Floats = np.einsum("nij,nj->ni", inverse, full.reshape(nodes, 3))
-            return out.ravel()[self.free]
+            out: Floats = np.einsum("nij,nj->ni", inverse, self.spread(r))
+            return self.gather(out)
 
         self.negative = 0
         self._precondition = precondition
 
     def times(self, w: Floats) -> Floats:
-        """Tangent times w on the free axes, at the state that `solve` was given last."""
-        full = np.zeros_like(self.balance.load)
-        full.ravel()[self.free] = w
-        product: Floats = self.balance.tangent_times(full).ravel()[self.free]
-        return product
+        """Tangent times w of the unknowns, at the state that `solve` was given last."""
+        return self.gather(self.balance.tangent_times(self.spread(w)))
+
+    def gather(self, forces: Floats) -> Floats:
+        """Tᵀ of forces on all nodes, shape (unknowns,)."""
+        return np.asarray(self.basis.T @ forces.ravel(), np.float64)
+
+    def spread(self, unknowns: Floats) -> Floats:
+        """T q, shape (nodes, 3)."""
+        return np.asarray((self.basis @ unknowns).reshape(-1, 3), np.float64)
 
     def solve(
         self,
@@ -182,7 +186,7 @@ class Solver:
         self.iterations += 1
         if _latest and time.perf_counter() > _latest[-1]:
             raise OutOfTime("there was no time to find the equilibrium")
-        r = self._bound(right.ravel()[self.free])
+        r = self._bound(self.gather(right))
         self.balance.look(u, factor)
 
         def times(w: Floats) -> Floats:
@@ -198,9 +202,7 @@ class Solver:
             x = self._refine(times, r)
         elif not done and not x.any():
             x = r * (np.linalg.norm(r) / max(abs(float(r @ times(r))), 1e-300))
-        out = np.zeros_like(u)
-        out.ravel()[self.free] = self._bound(x)
-        return out
+        return self.spread(self._bound(x))
 
     def _bound(self, w: Floats) -> Floats:
         """w without the rigid motions of pieces that nothing holds: they cost nothing, and any

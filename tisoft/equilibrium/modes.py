@@ -20,7 +20,7 @@ from scipy.sparse.linalg import ArpackNoConvergence, eigsh, splu
 from tisoft import checks
 from tisoft.checks import FieldError
 from tisoft.equilibrium.at_rest import AtRest
-from tisoft.equilibrium.balance import held_axes
+from tisoft.equilibrium.held import Held
 from tisoft.equilibrium.one_thread import one_thread
 from tisoft.equilibrium.operators import Elastic, operators_at_rest, operators_of
 from tisoft.equilibrium.pointwise import Pointwise
@@ -91,8 +91,8 @@ def natural_modes(
     for part in parts:
         elastic = operators_at_rest(part) if at_rest else operators_of(part)
         kind = mass or ("consistent" if part.is_consistent else "lumped")
-        free = ~held_axes(part, time)
-        own, inside = body_modes(elastic, n, free=free, mass=kind, u=u[part.nodes][part.order])
+        held = Held(part, time)
+        own, inside = body_modes(elastic, n, held=held, mass=kind, u=u[part.nodes][part.order])
         outside = np.zeros((len(own), count, 3))
         outside[:, part.nodes][:, part.order] = inside
         frequencies.append(own)
@@ -118,7 +118,7 @@ def body_modes(
     elastic: Elastic | Pointwise | AtRest,
     n: int,
     *,
-    free: NDArray[np.bool_],
+    held: Held,
     mass: Mass,
     u: Floats | None = None,
 ) -> tuple[Floats, Floats]:
@@ -127,30 +127,28 @@ def body_modes(
     Args:
         elastic: the body's operators.
         n: how many, at the most.
-        free: axes that may move, shape (nodes, 3).
+        held: what pins hold.
         mass: "lumped" or "consistent".
         u: displacements about which it vibrates [m]; left out, none.
     """
-    rows = np.flatnonzero(free.ravel())
     state = np.zeros((elastic.nodes, 3)) if u is None else u
-    stiffness = elastic.stiffness(state)[rows][:, rows].tocsc()
+    stiffness = held.on_unknowns(elastic.stiffness(state))
     if mass == "consistent":
         whole = sparse.kron(elastic.consistent_mass(), np.eye(3), format="csc")
     else:
         whole = sparse.diags(np.repeat(elastic.mass, 3), format="csc")
-    inertia = whole[rows][:, rows].tocsc()
-    n = min(n, len(rows))
+    inertia = held.on_unknowns(whole)
+    unknowns = inertia.shape[0]
+    n = min(n, unknowns)
     top = float((np.abs(stiffness.diagonal()) / inertia.diagonal()).max(initial=0.0)) or 1.0
-    if len(rows) <= max(DENSE, 3 * n):
+    if unknowns <= max(DENSE, 3 * n):
         values, vectors = linalg.eigh(stiffness.toarray(), inertia.toarray())
         values, vectors = values[:n], vectors[:, :n]
     else:
         values, vectors = _lowest(stiffness, inertia, n, top)
     values = np.where(np.abs(values) < ZERO * top, 0.0, values)
     frequencies = np.sign(values) * np.sqrt(np.abs(values)) / (2.0 * np.pi)
-    shapes = np.zeros((len(values), elastic.nodes * 3))
-    shapes[:, rows] = vectors.T
-    return frequencies, shapes.reshape(-1, elastic.nodes, 3)
+    return frequencies, (held.basis @ vectors).T.reshape(-1, elastic.nodes, 3)
 
 
 def _lowest(

@@ -152,7 +152,7 @@ def _fall(
     while solver.negative:
         shift *= 2.0
         solver.refresh(u, factor, shift=shift)
-    w = np.where(balance.free, rng.standard_normal(u.shape), 0.0)
+    w = balance.held.balanced(rng.standard_normal(u.shape))
     for _ in range(4):
         w = solver.solve(u, factor, w / np.linalg.norm(w), shift=shift)
     return w * (length / np.abs(w).max())
@@ -179,7 +179,7 @@ def relax(balance: Balance, u: Floats, factor: float, steps: int = RELAXATION_ST
             h, mixing, good = max(0.5 * h, 0.02), 0.1, 0
         v += h * r / mass
         pull = np.sqrt((v * v * mass).sum() / max(float((r * r / mass).sum()), 1e-300))
-        v = (1.0 - mixing) * v + mixing * pull * r / mass
+        v = balance.held.balanced((1.0 - mixing) * v + mixing * pull * r / mass)
         new = u + h * v
         if not balance.is_admissible(new):
             v[:] = 0.0

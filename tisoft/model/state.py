@@ -25,12 +25,14 @@ FRAMES = 64
 """Frames that a launch may make and record."""
 
 A = ti.types.ndarray()
-RANGES = 19
+RANGES = 21
 """Columns of `State.ranges`: first and last node, then first and last part of each block."""
 INPUTS = 16
 """Column of `State.ranges`: row of `Inputs.scene`, where something acts in time."""
 TOUCH = 17
 """Column of `State.ranges`: first point of `Touch`, then one past the last."""
+HELD_MEANS = 19
+"""Column of `State.ranges`: first row of `Means`, then one past the last."""
 ORDERS = (
     FIRST, LAST, PASSES, THREADS, LOADED, DONE, TRIPPED, PROBES, PROBE, RECORDS, CHUNKS, TASK,
     REACHED, HAND, HELD,

@@ -115,7 +115,7 @@ class _Mass:
         self.free = np.ones((elastic.nodes, 3), bool)
         for pin in part.body.pins:
             if pin.release is None:
-                rows = part.rank[part.body.nodes(pin.where)]
+                rows = part.rank[part.body.grip(pin.where)[0]]
                 for axis in pin.axes:
                     self.free[rows, "xyz".index(axis)] = False
         self.lumped = part.mass[:, None]

@@ -28,7 +28,7 @@ from tisoft.model.state import (
     TRIPPED,
 )
 from tisoft.model.threads import SLICE, meet, share
-from tisoft.step import consistent_mass, driving, external, forces, record, touch
+from tisoft.step import consistent_mass, driving, external, forces, means, record, touch
 from tisoft.step.meeting import is_stale, touch_nodes
 from tisoft.step.substep import begin_solve, move_solved, node, now_of
 from tisoft.touch.fields import BUILT
@@ -122,6 +122,12 @@ def walk(s: ti.template(), scene, t, threads):
                     touch.meet(
                         s, s.state.ranges[scene, TOUCH], s.state.ranges[scene, TOUCH + 1], now
                     )
+                phase += 1
+                meet(s, scene, phase, threads)
+        if ti.static(s.holds_means):
+            if task == MOVE:
+                if t == 0:
+                    means.hold(s, scene, number - s.state.orders[scene, FIRST], now)
                 phase += 1
                 meet(s, scene, phase, threads)
         if ti.static(s.meets):

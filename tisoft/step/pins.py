@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from tisoft.model.part import Part
 from tisoft.model.system import System
 from tisoft.pins import Pin
+from tisoft.step.patches import Patches, patch_of
 
 Floats = NDArray[np.float64]
 
@@ -18,17 +19,20 @@ SAME_TIME = 1e-9
 class Holder:
     """Keeps what pins hold and prescribe right in the fields; idle while nothing moves."""
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: System, *, by_means: bool = True) -> None:
         self.system = system
+        self.by_means = by_means
+        """Whether kernels know means of cells; else nodes near a patch are held."""
+        self.patches = Patches(system)
         self._key: tuple[object, ...] | None = None
         self.held = np.zeros(system.count, np.int32)
         self.drive = np.zeros((system.count, 3))
         self._moved: list[tuple[Part, Pin, NDArray[np.int64], NDArray[np.int64]]] = []
 
     @property
-    def moved(self) -> list[tuple[Part, Pin]]:
-        """The pins that move now, with their bodies' parts."""
-        return [(part, pin) for part, pin, *_ in self._moved]
+    def moved(self) -> list[tuple[Part, Pin, NDArray[np.int64]]]:
+        """The pins that move now, with their bodies' parts, and the rows of nodes they hold."""
+        return [(part, pin, rows) for part, pin, rows, _ in self._moved]
 
     @property
     def is_moving(self) -> bool:
@@ -58,8 +62,13 @@ class Holder:
     def _hold(self, active: list[tuple[Part, Pin]]) -> None:
         held = np.zeros(self.system.count, np.int32)
         self._moved = []
+        patches = []
         for part, pin in active:
-            rows = part.body.nodes(pin.where)
+            rows, patch = part.body.nodes(pin.where), None
+            if self.by_means:
+                rows, patch = patch_of(part, pin)
+            if patch is not None:
+                patches.append(patch)
             inside = part.start + part.rank[rows]
             for axis in pin.axes:
                 held[inside] |= 1 << "xyz".index(axis)
@@ -69,6 +78,7 @@ class Holder:
         self.held = held
         self.drive = np.zeros((self.system.count, 3))
         self.write()
+        self.patches.hold(patches, held)
 
     def write(self) -> None:
         """Write what is held, and how it moves, into the fields."""
@@ -92,3 +102,5 @@ class Holder:
             place = pin.displacement(part.body.mesh.points[rows], end) - part.shift
             bits = sum(1 << "xyz".index(axis) for axis in pin.axes)
             self.system.set_places(inside, np.full(len(inside), bits), place)
+        if self.is_moving:
+            self.patches.finish(end)

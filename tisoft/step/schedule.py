@@ -225,6 +225,8 @@ class Acting:
     """Row in `State.obstacle` and first signal of each moved obstacle, one for each body."""
     torques: list[tuple[int, Floats, NDArray[np.int64], Floats]] = field(default_factory=list)
     """Signal, moment [N·m], nodes and shares of each."""
+    pins: dict[int, int] = field(default_factory=dict)
+    """First signal of each moved pin, by its id."""
 
     def signal(self, signal: Signal, width: int) -> int:
         """Number of the first of `width` new signals."""
@@ -239,18 +241,18 @@ class Acting:
         number = self.signal(gravity_signal(gravity, told), 3)
         self.rows.add(np.arange(system.count), kinds.GRAVITY, 0, number, along)
 
-    def add_pin(self, part: Part, pin: Pin) -> None:
-        """A pin that moves."""
-        picked = part.body.nodes(pin.where)
+    def add_pin(self, part: Part, pin: Pin, picked: NDArray[np.int64]) -> None:
+        """A pin that moves, with the rows of `mesh.points` that it holds."""
         nodes = part.start + part.rank[picked]
         bits = sum(1 << "xyz".index(axis) for axis in pin.axes)
         if pin.turn is None:
-            self.rows.add(nodes, kinds.PATH, bits, self.signal(path_signal(pin), 3), 0.0)
+            number = self.pins[id(pin)] = self.signal(path_signal(pin), 3)
+            self.rows.add(nodes, kinds.PATH, bits, number, 0.0)
             return
         arm = part.body.mesh.points[picked] - np.array(pin.turn.point)
         along = np.cross(pin.turn.axis, arm)
         across = np.cross(pin.turn.axis, along)
-        number = self.signal(turn_signal(pin.turn.rate), 2)
+        number = self.pins[id(pin)] = self.signal(turn_signal(pin.turn.rate), 2)
         self.rows.add(nodes, kinds.TURN, bits, number, along, across)
 
 

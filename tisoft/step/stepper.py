@@ -51,6 +51,9 @@ class Rules:
     touching: Touching | None = None
     """Surfaces that may touch."""
 
+    means: Any = None
+    """Fields of patches that pins hold by means of cells."""
+
     @property
     def surfaces(self) -> Any:
         """Fields of contact of surfaces, or None."""
@@ -102,6 +105,7 @@ class Stepper:
             schedule.fields if schedule is not None else None,
             system.touch_lease.fields if rules.contact and system.touch_lease else None,
             rules.surfaces,
+            rules.means,
         )
         self._call = 0.0
         """Seconds that calling several threads takes, which a short trial must not count."""
@@ -112,7 +116,7 @@ class Stepper:
         structure, alone, on_cpu = self.structure, self.pace.most == 1, runtime.on_cpu()
         fields = (*structure.blocks, structure.mass, structure.inputs, structure.touch)
         rules = (self.rules.integrator, self.rules.contact, self.rules.ledger)
-        key = ("advance", *fields, structure.surfaces, rules, alone, on_cpu)
+        key = ("advance", *fields, structure.surfaces, structure.means, rules, alone, on_cpu)
         kernel = self.system.lease.arena.kernel
         if structure.meets:
             self._search = kernel(("search", *key[1:]), lambda: make_search(structure, alone))

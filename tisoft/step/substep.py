@@ -9,7 +9,7 @@
        with consistent mass:      M a = f                        consistent_mass
     4. it moves:                  Δv = h a,  Δx = h (v + Δv)     symplectic_euler (or another file)
        past obstacles and pins                                   contact, fixed
-       as do surfaces that bodies carry                          touch
+       as do surfaces that bodies carry                          touch, means
     5. what that did to its energy                               ledger
 
 All functions of this folder take the Structure `s`, or its State, and say which fields they read
@@ -42,6 +42,14 @@ class Structure:
     """Fields of points of carried surfaces that meet obstacles, or None where none do."""
     surfaces: Any = None
     """Fields of contact of surfaces, or None where none may touch."""
+
+    means: Any = None
+    """Fields of patches that pins hold by means of cells, or None where none are."""
+
+    @property
+    def holds_means(self) -> bool:
+        """Whether pins hold means of cells."""
+        return self.means is not None
 
     @property
     def meets(self) -> bool:
@@ -79,7 +87,7 @@ def move(s: ti.template(), i, a, f, now, pushed, rubbed):
     """
     old = s.state.velocity[i]
     moved = s.integrator.move(s.state, s.contact, i, a, now, pushed + rubbed)
-    if ti.static(s.ledger and s.touches):
+    if ti.static(s.ledger and (s.touches or s.holds_means)):
         s.state.pull[i] = a
     if ti.static(s.ledger):
         ledger.note(s.state, i, f, forces.viscous_total(s.state, i), moved, old, now)

@@ -14,7 +14,7 @@ with N̄_i the mean over the three corners.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,12 @@ Rows = NDArray[np.int64]
 
 NEAR = 0.5
 """Distance, in cells, within which a node holds a patch that lies on no plane of the lattice."""
+LEAST_AREA = 0.02
+"""Of the largest part of a patch in a cell: what is smaller has no mean of its own."""
+FULL = 1e-9
+"""How much a full cell may lack."""
+MOST_MEANS = 500
+"""Cells of a patch whose means are held; of more, nodes near it are."""
 FLAT = 1e-6
 """Distance, in cells, up to which a patch lies on a plane of the lattice."""
 PARTS = 4
@@ -39,6 +45,17 @@ PARTS = 4
 AT_ONCE = 20000
 """Pieces whose pressures are summed at a time."""
 PAIRS = np.array([[m, n] for m in range(8) for n in range(m + 1, 8)])
+
+
+class Means(NamedTuple):
+    """Cells of a patch: c·u is the mean displacement of what lies in one."""
+
+    nodes: Rows
+    """Shape (cells, 8)."""
+    shares: Floats
+    """c_a, shape (cells, 8)."""
+    around: Rows
+    """Nodes of all cells that the patch is in, and of all that are filled in part."""
 
 
 def shares(inside: Floats) -> Floats:
@@ -144,6 +161,29 @@ class Carried:
         flat = np.ptp(there, axis=0) < FLAT
         on = np.abs(there[0] - np.round(there[0])) < FLAT
         return bool((flat & on).any())
+
+    def means(self, points: Rows) -> Means | None:
+        """What holds a patch between points of the surface by the mean displacement of each cell;
+        None where there are no triangles between them, or more than MOST_MEANS cells.
+        """
+        picked = np.zeros(len(self._points), bool)
+        picked[points] = True
+        pieces, own, around = self._pieces(self.within(picked))
+        if not len(own):
+            return None
+        sides = (pieces.points[:, 1:] - pieces.points[:, :1]) @ self._edges
+        areas = 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+        cells, index = np.unique(own, return_inverse=True)
+        total = np.zeros((len(cells), 8))
+        np.add.at(total, index.reshape(-1), areas[:, None] * self._means(pieces))
+        area = total.sum(axis=1)
+        kept = area >= LEAST_AREA * area.max()
+        if kept.sum() > MOST_MEANS:
+            return None
+        nodes = self.mesh.hexes[:, LATTICE][cells[kept]].astype(np.int64)
+        cut_cells = self.cage.moments[:, 0] < 1.0 - FULL
+        around = np.union1d(around, self.mesh.hexes[cut_cells])
+        return Means(nodes, total[kept] / area[kept, None], around)
 
     def holders(self, points: Rows) -> Rows:
         """Nodes within half a cell of a patch between points of the surface."""
