@@ -331,7 +331,6 @@ class Body(Live):
         patches: dict[tuple[int, ...], int] = {}
         for i, pin in enumerate(pins):
             with inside(f"pin[{i}]"):
-                self.nodes(pin.where)  # tells what it does not find
                 nodes, means = self.grip(pin.where)
             if means is not None:
                 self._check_means(pins, i, means, patches)

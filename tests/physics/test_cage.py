@@ -208,7 +208,7 @@ def test_a_beam_is_clamped_where_no_nodes_lie(edge, degrees, compliance, first):
     assert 100 * (2 * found.energy["elastic"] / 2.544e-3 - 1) == pytest.approx(compliance, abs=0.2)
     assert found.reactions.sum(axis=0) @ R == pytest.approx([0, 0, 1], abs=1e-9)
     (frequency,) = natural_modes(scene, 1).frequencies
-    assert 100 * (frequency / FIRST - 1) == pytest.approx(first, abs=0.1)
+    assert 100 * (frequency / FIRST - 1) == pytest.approx(first, abs=0.2)
 
 
 def test_held_means_are_where_they_belong_at_the_end_of_every_frame(tmp_path):

@@ -70,6 +70,8 @@ class Carried:
     def __init__(self, mesh: SolidMesh) -> None:
         assert mesh.cage is not None
         self.mesh, self.cage, self.skin = mesh, mesh.cage, mesh.cage.skin
+        self._known: dict[bytes, Means | None] = {}
+        """Means of patches that were asked for, by their points."""
 
     @cached_property
     def places(self) -> Floats:
@@ -166,6 +168,12 @@ class Carried:
         """What holds a patch between points of the surface by the mean displacement of each cell;
         None where there are no triangles between them, or more than MOST_MEANS cells.
         """
+        key = points.tobytes()
+        if key not in self._known:
+            self._known[key] = self._make_means(points)
+        return self._known[key]
+
+    def _make_means(self, points: Rows) -> Means | None:
         picked = np.zeros(len(self._points), bool)
         picked[points] = True
         pieces, own, around = self._pieces(self.within(picked))
