@@ -61,21 +61,23 @@ def stand_all(s: ti.template(), q, t, threads):
 
 @ti.func
 def carried_by(s: ti.template(), p):
-    """Work [J] of moving obstacles on point p, along normals and by friction: an impulse times the
-    velocity of the surface, −|w| P·(Σ w_k v_k), over an obstacle's points of the row.
+    """Work [J] of obstacles on point p, along normals and by friction: an impulse times the
+    velocity of the surface, −|w| P·(Σ w_k v_k), over an obstacle's points of the row; and times
+    that with which it pushes out what is in it.
     """
     work = ti.Vector([0.0 * s.surfaces.weight[p], 0.0 * s.surfaces.weight[p]])
     for k in range(s.surfaces.slot_start[p], s.surfaces.slot_start[p + 1]):
         c = s.surfaces.slot[k >> 2, k & 3]
         z = c >> 2
         if s.surfaces.near[z]:
-            v = s.surfaces.drift[z]
+            v, out = s.surfaces.drift[z], 0.0 * s.surfaces.target[z]
             for e in range(4):
                 other = s.surfaces.ends[z, e]
                 if s.surfaces.trait[s.surfaces.body[other], f.OBSTACLE]:
                     v += s.surfaces.share[z, e] * s.surfaces.velocity[other]
+                    out = ti.max(s.surfaces.target[z], 0.0 * out)
             part = ti.abs(s.surfaces.share[z, c & 3])
-            work[0] -= part * s.surfaces.impulse[z] * v.dot(s.surfaces.normal[z])
+            work[0] += part * s.surfaces.impulse[z] * (out - v.dot(s.surfaces.normal[z]))
             work[1] -= part * v.dot(s.surfaces.grip[z])
     return work
 
@@ -97,7 +99,7 @@ def kick(s: ti.template(), i, row, n, now):
 
 
 @ti.func
-def finish(s: ti.template(), i, n, moving, now):
+def finish(s: ti.template(), i, n, now):
     """Move node i with what contact has added to its velocity."""
     p = s.surfaces.point[n]
     pushed, rubbed = 0.0 * s.state.velocity[i], 0.0 * s.state.velocity[i]
@@ -106,8 +108,7 @@ def finish(s: ti.template(), i, n, moving, now):
             pushed = s.surfaces.pushed[p] * s.state.inverse_mass[i]
             rubbed = s.surfaces.rubbed[p] * s.state.inverse_mass[i]
             if ti.static(s.ledger and s.contact):
-                if moving:
-                    ledger.note_carried(s.state, i, carried_by(s, p))
+                ledger.note_carried(s.state, i, carried_by(s, p))
     move(s, i, s.surfaces.acceleration[n], s.surfaces.force[n], now, pushed, rubbed)
 
 
@@ -212,7 +213,7 @@ def touch_nodes(s: ti.template(), scene, t, threads, phase, now):
     share_gone = 0.0 * now.h
     for i in range(first, last):
         if is_met:
-            finish(s, i, i + base, moving, now)
+            finish(s, i, i + base, now)
         elif ti.static(s.consistent):
             move_solved(s, i, i + back, now)
         else:
