@@ -56,7 +56,7 @@ def linear_static(scene: Scene) -> tuple[list[np.ndarray], float]:
     """Displacements [m] of each body's nodes, shape (nodes, 3), and the elastic energy [J]; raises
     NoEquilibrium for a body that its pins let go."""
     from tisoft.equilibrium.at_rest import AtRest
-    from tisoft.equilibrium.balance import held_axes, pin_places
+    from tisoft.equilibrium.held import Held
     from tisoft.gravity import gravity_at
     from tisoft.model.part import parts_of
     from tisoft.step.loading import external_forces
@@ -67,10 +67,10 @@ def linear_static(scene: Scene) -> tuple[list[np.ndarray], float]:
     for part in parts:
         stiffness = AtRest(part).stiffness()
         force = loads[part.nodes] + part.mass[:, None] * gravity_at(scene.gravity, scene.duration)
-        u = pin_places(part, scene.duration, 1.0).ravel()
-        free = np.flatnonzero(~held_axes(part, scene.duration).ravel())
-        right = (force.ravel() - stiffness @ u)[free]
-        u[free] = _solved(stiffness[free][:, free], right)
+        held = Held(part, scene.duration)
+        u = held.place(1.0).ravel()
+        right = held.basis.T @ (force.ravel() - stiffness @ u)
+        u += held.basis @ _solved(held.on_unknowns(stiffness), right)
         energy += 0.5 * float(u @ (stiffness @ u))
         own = np.empty((len(part.order), 3))
         own[part.order] = u.reshape(-1, 3)
