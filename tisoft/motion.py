@@ -208,6 +208,7 @@ class Motion(Present):
         self.steps.append(step)
         self.half_step_lag = step if self.half_step_lag else 0.0
         self.time = end
+        self._note_explosion(step)
         self._looked(count)
         self.wall_seconds += _stepping_clock() - begun
 
@@ -249,9 +250,15 @@ class Motion(Present):
         self.steps += [h] * made
         self.frame += made
         self.time = self.time_of(self.frame)
+        self._note_explosion(h)
         self._looked(made * count)
         self.wall_seconds += _stepping_clock() - begun
         return list(records)
+
+    def _note_explosion(self, step: float) -> None:
+        """Tell of a state that is not finite where no guard has stopped the run."""
+        if self.guard is None and self.stepper.tripped:
+            self.watch.blew_up(self.time, step)
 
     def _is_steady(self) -> bool:
         """Whether pins and loads are the same from frame to frame."""

@@ -128,6 +128,77 @@ def test_bodies_that_explode_in_contact_end_soon():
     sim.run(0.06)
     assert sim.touching.counts()["rows"] > 100  # they met before
     assert not np.isfinite(sim.positions()).all()
+    assert "not finite from t = 0.0" in sim.warnings[0]
+
+
+DULL = ts.ViscoElastic(**SOFT, phi=120.0, eta=80.0)
+
+
+def on_slab(count, mu, turn=0.0):
+    """Blocks on each other on a slab that is held, 1e-4 m apart; each is turned by more."""
+    scene = ts.Scene(frame_rate=100.0)
+    slab = ts.box(size=(0.8, 0.1, 0.4), cells=(8, 1, 4)).transformed(translate=(-0.4, -0.1, -0.2))
+    scene.add_body(slab, DULL, "slab").pin(ts.where.box((-1, -1, -1), (1, 1, 1)))
+    scene.bodies[0].friction = mu
+    thick = 0.5 * GAP * (1.0 + np.median(lengths(slab)) / EDGE)  # the mean of both
+    mesh = ts.box(size=(0.1, 0.1, 0.1), cells=(2, 2, 2))
+    for k in range(count):
+        turned = mesh.transformed(translate=(-0.05, 0, -0.05)).transformed(rotate=(0, k * turn, 0))
+        y = thick + 1e-4 + k * (0.1 + GAP * np.median(lengths(mesh)) / EDGE + 1e-4)
+        scene.add_body(turned.transformed(translate=(0, y, 0)), DULL, f"b{k}").friction = mu
+    return scene
+
+
+def lengths(mesh):
+    """Of a surface's edges, each as often as it has faces [m]."""
+    x = mesh.points[mesh.surface]
+    return np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2)
+
+
+def loads(sim):
+    """Force of contact on each body against gravity in the last substep [N]."""
+    pushed = sim.touching.fields.pushed.to_numpy() * sim.touching.fields.met.to_numpy()[:, None]
+    return np.array([-sum_of(pushed[a:b], sim) for a, b in sim.touching.ranges])
+
+
+def sum_of(pushed, sim):
+    gravity = np.array(sim.gravity_now)
+    return float(pushed.sum(axis=0) @ gravity / np.linalg.norm(gravity)) / sim.steps[-1]
+
+
+def test_a_stack_of_three_rests_and_each_face_carries_what_is_above_it():
+    sim = simulation(on_slab(3, 0.5, turn=15.0), threads=1)
+    sim.run(1.8)
+    carried = []
+    for _ in sim.frames(0.1):
+        carried.append(loads(sim)[1:][::-1].cumsum()[::-1])
+    weights = 9.81 * np.array([3.0, 2.0, 1.0])  # 1 kg each
+    np.testing.assert_allclose(np.mean(carried, axis=0), weights, rtol=0.02)
+    assert np.abs(sim.velocities()).max() < 2e-3
+    told = sim.energy()
+    assert abs(told["error"]) < 0.01 * told["dissipated"]
+
+
+def test_on_a_slope_it_sticks_and_slides_as_coulomb_says():
+    scene = on_slab(1, 0.5)
+    sim = simulation(scene, threads=1)
+
+    def slides(degrees, first):
+        """Speed down the slope [m/s] after `first` seconds, and what it wins in 0.2 s more."""
+        a = np.radians(degrees)
+        scene.gravity = (9.81 * np.sin(a), -9.81 * np.cos(a), 0.0)
+        sim.run(first)
+        before = mean_velocities(sim)[1][0]
+        sim.run(0.2)
+        return before, mean_velocities(sim)[1][0] - before
+
+    slides(0.0, 0.2)
+    speeds = slides(25.6, 0.5)
+    assert np.abs(speeds).max() < 1e-3, speeds
+    for degrees in (27.5, 35.0):
+        a = np.radians(degrees)
+        won = slides(degrees, 0.1)[1]
+        assert won / 0.2 == pytest.approx(9.81 * (np.sin(a) - 0.5 * np.cos(a)), rel=0.03)
 
 
 POST = ts.Box(center=(0, 0.25, 0), size=(0.06, 0.5, 0.06), friction=0.5)

@@ -39,6 +39,7 @@ class Watch:
         """Cells inside out now."""
         self._most_inverted, self._first_inverted = 0, 0.0
         self._turns: dict[int, tuple[float, float]] = {}
+        self._blown: tuple[float, float] | None = None
         self._linear = []
         for part in system.parts:
             if isinstance(part.body.model, Linear | MassTensor):
@@ -60,6 +61,10 @@ class Watch:
         self._turns = {index: (angle, time) for index, angle, time in state["turns"]}
         worst = state.get("inside", [])
         self.inside.worst = {(body, o): (depth, t, at) for body, o, depth, t, at in worst}
+
+    def blew_up(self, time: float, step: float) -> None:
+        """Note that the state at `time` [s] is not finite, after a `step` [s] nobody watched."""
+        self._blown = self._blown or (time, step)
 
     def look(self, time: float) -> None:
         """Look at the state at `time` [s]."""
@@ -85,6 +90,12 @@ class Watch:
     def warnings(self) -> list[str]:
         """What happened, a sentence each."""
         told = []
+        if self._blown:
+            time, step = self._blown
+            told.append(
+                f"the state is not finite from t = {time:.4g} s on: a body exploded at a step of "
+                f"{step:.4g} s, which certify=False does not watch"
+            )
         if self._most_inverted:
             known = all(
                 isinstance(p.body.model, NeoHookean | MassSpring) for p in self.system.parts

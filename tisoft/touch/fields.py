@@ -94,6 +94,8 @@ class Touch:
         """Of an obstacle: the same in its own coordinates."""
         self.listed = field(vec3, "points")
         """The same at the last search [m]."""
+        self.seen = field(vec3, "points")
+        """From the scene's middle at the last search [m]."""
         self.velocity = field(vec3, "points")
         """[m/s]."""
         self.kicked = field(vec3, "points")
@@ -195,7 +197,7 @@ class Touch:
     def bytes_of(structure: str, rows: dict[str, int]) -> int:
         """Memory that the fields take [bytes]."""
         real = 8 if structure == "f64" else 4
-        points = rows["points"] * (23 * real + 44) + rows["nodes"] * (6 * real + 4)
+        points = rows["points"] * (26 * real + 44) + rows["nodes"] * (6 * real + 4)
         return points + rows["triangles"] * 28 + rows["fans"] * 8 + rows["edges"] * 36 + (
             rows["pairs"] * (17 * real + 52) + rows["buckets"] * 12
         )  # fmt: skip

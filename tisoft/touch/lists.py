@@ -34,12 +34,6 @@ def shift(touch: ti.template(), body):
 
 
 @ti.func
-def spot(touch: ti.template(), p):
-    """Place of a point from the scene's middle [m]."""
-    return touch.place[p] + shift(touch, touch.body[p])
-
-
-@ti.func
 def hashed(c, mask):
     """Bucket of a cell."""
     return ((c[0] * 73856093) ^ (c[1] * 19349663) ^ (c[2] * 83492791)) & mask
@@ -57,7 +51,8 @@ def measure(touch: ti.template(), q, t, threads, h):
         lo, hi = 0.0 * touch.place[0] + 1e30, 0.0 * touch.place[0] - 1e30
         fast = ti.cast(0.0, touch.real)
         for p in range(touch.trait[b, f.FIRST], touch.trait[b, f.LAST]):
-            x = spot(touch, p)
+            x = touch.place[p] + shift(touch, b)
+            touch.seen[p] = x
             lo, hi = ti.min(lo, x), ti.max(hi, x)
             fast = ti.max(fast, touch.velocity[p].norm_sqr())
             touch.listed[p] = touch.place[p]
@@ -86,7 +81,10 @@ def gap_of(touch: ti.template(), b, c):
 
 @ti.func
 def neighbours(touch: ti.template(), q):
-    """Where bodies are near others, and how far each may go; returns the number of boxes."""
+    """Where bodies are near others, and how far each may go; returns the number of boxes.
+
+    The reach is 0 where nobody is near anything but cores: that wants no grid.
+    """
     widest = ti.cast(0.0, touch.real)
     low, high = touch.order[q, f.BODY], touch.order[q, f.BODY_END]
     first, room = touch.order[q, f.BOX], touch.order[q, f.BOX_END] - touch.order[q, f.BOX]
@@ -102,7 +100,8 @@ def neighbours(touch: ti.template(), q):
                 free = ti.min(free, gap - reach)
                 if gap < reach:
                     near = 1
-                    widest = ti.max(widest, reach)
+                    if touch.trait[b, f.ROUND] == 0 and touch.trait[c, f.ROUND] == 0:
+                        widest = ti.max(widest, reach)
                     if n < room:
                         touch.box_low[first + n] = ti.max(touch.low[b], touch.low[c] - reach)
                         touch.box_high[first + n] = ti.min(touch.high[b], touch.high[c] + reach)
@@ -143,7 +142,7 @@ def sort_points(touch: ti.template(), q, per_cell):
     for p in range(base, touch.order[q, f.POINT_END]):
         b = touch.body[p]
         if touch.trait[b, f.NEAR]:
-            c = ti.floor(spot(touch, p) * per_cell, ti.i32)
+            c = ti.floor(touch.seen[p] * per_cell, ti.i32)
             k = first + hashed(c, mask)
             touch.cell[p] = ti.Vector([c[0], c[1], c[2], k])
             if touch.bucket[k + 1, 0] == 0:
@@ -174,7 +173,7 @@ def sort_edges(touch: ti.template(), q, per_cell):
         touch.bucket[first + k, 1] = 0
     for e in range(base, touch.order[q, f.EDGE_END]):
         if touch.trait[touch.body[touch.edge[e, 0]], f.NEAR]:
-            middle = 0.5 * (spot(touch, touch.edge[e, 0]) + spot(touch, touch.edge[e, 1]))
+            middle = 0.5 * (touch.seen[touch.edge[e, 0]] + touch.seen[touch.edge[e, 1]])
             c = ti.floor(middle * per_cell, ti.i32)
             k = first + hashed(c, mask)
             touch.edge_cell[e] = ti.Vector([c[0], c[1], c[2], k])
@@ -243,37 +242,55 @@ def is_there(cell: ti.template(), k, at):
 
 
 @ti.func
-def pair_faces(touch: ti.template(), q, i, at, n, begun, stop):
-    """List triangle i's pairs with the points in a cell from row n on; returns the next row."""
-    ids = ti.Vector([touch.triangle[i, 0], touch.triangle[i, 1], touch.triangle[i, 2]])
-    body = touch.body[ids[0]]
-    k = touch.order[q, f.BUCKET] + hashed(at, touch.order[q, f.MASK])
-    begin, end = touch.bucket[k, 0], touch.bucket[k + 1, 0]
-    if end > begin and touch.only[k] == body and touch.trait[body, f.SELF] == 0:
-        end = begin
-    for z in range(begin, end):
-        p = touch.sorted[z]
-        ok = is_there(touch.cell, p, at) and may_touch(touch, q, body, touch.body[p])
-        if touch.trait[touch.body[p], f.ROUND]:
-            ok = 0  # see pair_cores
-        if ok and p != ids[0] and p != ids[1] and p != ids[2]:
-            a, b, c = spot(touch, ids[0]), spot(touch, ids[1]), spot(touch, ids[2])
-            x = spot(touch, p)
-            reach = reach_of(touch, q, body, touch.body[p])
-            if (x >= ti.min(a, b, c) - reach).all() and (x <= ti.max(a, b, c) + reach).all():
-                w = on_triangle(x, a, b, c)
-                d = (x - w[0] * a - w[1] * b - w[2] * c).norm()
-                if d < reach:
-                    ends = ti.Vector([p, ids[0], ids[1], ids[2]])
-                    n = keep(touch, q, n, begun, stop, ends, ti.Vector([i, -1]), d)
-    return n
+def is_partner(touch: ti.template(), q, body, p, at):
+    """Whether a point stands in the cell `at`, and may touch the triangles of a body there."""
+    other = touch.body[p]
+    ok = is_there(touch.cell, p, at) and may_touch(touch, q, body, other)
+    return ok and touch.trait[other, f.ROUND] == 0  # cores: see pair_cores
 
 
 @ti.func
-def pair_cores(touch: ti.template(), q, i, n, begun, stop):
-    """List triangle i's pairs with cores of obstacles from row n on; returns the next row."""
+def pair_faces(touch: ti.template(), q, i, per_cell, wider, n, stop):
+    """List triangle i's pairs with points at most `wider` [m] away from row n on, before row
+    `stop`; returns the next row, and whether the triangle has blown up.
+    """
     ids = ti.Vector([touch.triangle[i, 0], touch.triangle[i, 1], touch.triangle[i, 2]])
-    a, b, c = spot(touch, ids[0]), spot(touch, ids[1]), spot(touch, ids[2])
+    a, b, c = touch.seen[ids[0]], touch.seen[ids[1]], touch.seen[ids[2]]
+    body, begun = touch.body[ids[0]], n
+    lo, hi = ti.min(a, b, c) - wider, ti.max(a, b, c) + wider
+    most = ti.cast(MOST_CELLS, touch.real)
+    if touch.trait[body, f.OBSTACLE]:
+        most *= MOST_CELLS
+    size, low = cells_of(lo, hi, per_cell, most)
+    base, mask = touch.order[q, f.BUCKET], touch.order[q, f.MASK]
+    itself = touch.trait[body, f.SELF]
+    for x in range(low[0], low[0] + size[0]):
+        for y in range(low[1], low[1] + size[1]):
+            for z in range(low[2], low[2] + size[2]):
+                at = ti.Vector([x, y, z])
+                k = base + hashed(at, mask)
+                begin, end = touch.bucket[k, 0], touch.bucket[k + 1, 0]
+                if end > begin and touch.only[k] == body and itself == 0:
+                    end = begin
+                for row in range(begin, end):
+                    p = touch.sorted[row]
+                    u = touch.seen[p]
+                    ok = (u >= lo).all() and (u <= hi).all() and is_partner(touch, q, body, p, at)
+                    if ok and p != ids[0] and p != ids[1] and p != ids[2]:
+                        w = on_triangle(u, a, b, c)
+                        d = (u - w[0] * a - w[1] * b - w[2] * c).norm()
+                        if d < reach_of(touch, q, body, touch.body[p]):
+                            ends = ti.Vector([p, ids[0], ids[1], ids[2]])
+                            n = keep(touch, q, n, begun, stop, ends, ti.Vector([i, -1]), d)
+    return n, size[0] == 0
+
+
+@ti.func
+def pair_cores(touch: ti.template(), q, i, n, stop):
+    """List triangle i's pairs with cores of obstacles from row n on; returns the next row."""
+    begun = n
+    ids = ti.Vector([touch.triangle[i, 0], touch.triangle[i, 1], touch.triangle[i, 2]])
+    a, b, c = touch.seen[ids[0]], touch.seen[ids[1]], touch.seen[ids[2]]
     body = touch.body[ids[0]]
     lo, hi = ti.min(a, b, c), ti.max(a, b, c)
     for core in range(touch.order[q, f.CORES], touch.order[q, f.BODY_END]):
@@ -281,9 +298,9 @@ def pair_cores(touch: ti.template(), q, i, n, begun, stop):
         is_near = (lo - reach <= touch.high[core]).all() and (hi + reach >= touch.low[core]).all()
         if is_near and touch.trait[core, f.NEAR] and may_touch(touch, q, body, core):
             p, r = touch.trait[core, f.FIRST], touch.number[core, f.HALF]
-            x = spot(touch, p)
+            x = touch.seen[p]
             if touch.trait[core, f.LAST] > p + 1:
-                x = nearest_on_line(x, spot(touch, p + 1), a, b, c, BLUR * r)
+                x = nearest_on_line(x, touch.seen[p + 1], a, b, c, BLUR * r)
             w = on_triangle(x, a, b, c)
             d = (x - w[0] * a - w[1] * b - w[2] * c).norm() - r
             if d < reach:
@@ -293,20 +310,37 @@ def pair_cores(touch: ti.template(), q, i, n, begun, stop):
 
 
 @ti.func
-def pair_edges(touch: ti.template(), q, i, at, n, begun, stop):
-    """List the pairs of edge i with later edges in a cell from row n on; returns the next row."""
+def pair_edges(touch: ti.template(), q, i, per_cell, wider, n, stop):
+    """List the pairs of edge i with later edges at most `wider` [m] away from row n on, before row
+    `stop`; returns the next row, and whether the edge has blown up.
+    """
     a, b = touch.edge[i, 0], touch.edge[i, 1]
-    k = touch.order[q, f.BUCKET] + hashed(at, touch.order[q, f.MASK])
-    for z in range(touch.bucket[k, 1], touch.bucket[k + 1, 1]):
-        e = touch.edge_sorted[z]
-        c, d = touch.edge[e, 0], touch.edge[e, 1]
-        ok = e > i and is_there(touch.edge_cell, e, at) and a != c and a != d and b != c and b != d
-        if ok and may_touch(touch, q, touch.body[a], touch.body[c]):
-            far = between_edges(spot(touch, a), spot(touch, b), spot(touch, c), spot(touch, d))
-            if far < reach_of(touch, q, touch.body[a], touch.body[c]):
-                ends = ti.Vector([a, b, c, d])
-                n = keep(touch, q, n, begun, stop, ends, ti.Vector([i, e]), far)
-    return n
+    u, v, begun = touch.seen[a], touch.seen[b], n
+    lo, hi = ti.min(u, v) - wider, ti.max(u, v) + wider
+    half = 0.5 * ti.cast(touch.length[q, f.LONGEST], touch.real)
+    size, low = cells_of(lo - half, hi + half, per_cell, ti.cast(MOST_CELLS, touch.real))
+    base, mask, body = touch.order[q, f.BUCKET], touch.order[q, f.MASK], touch.body[a]
+    for x in range(low[0], low[0] + size[0]):
+        for y in range(low[1], low[1] + size[1]):
+            for z in range(low[2], low[2] + size[2]):
+                at = ti.Vector([x, y, z])
+                k = base + hashed(at, mask)
+                for row in range(touch.bucket[k, 1], touch.bucket[k + 1, 1]):
+                    e = touch.edge_sorted[row]
+                    c, d = touch.edge[e, 0], touch.edge[e, 1]
+                    p, r = touch.seen[c], touch.seen[d]
+                    ok = e > i and (ti.max(p, r) >= lo).all() and (ti.min(p, r) <= hi).all()
+                    ok = (
+                        ok
+                        and is_there(touch.edge_cell, e, at)
+                        and may_touch(touch, q, body, touch.body[c])
+                    )
+                    if ok and a != c and a != d and b != c and b != d:
+                        far = between_edges(u, v, p, r)
+                        if far < reach_of(touch, q, body, touch.body[c]):
+                            ends = ti.Vector([a, b, c, d])
+                            n = keep(touch, q, n, begun, stop, ends, ti.Vector([i, e]), far)
+    return n, size[0] == 0
 
 
 @ti.func
@@ -324,55 +358,59 @@ def cells_of(lo, hi, per_cell, most):
 
 
 @ti.func
-def find(touch: ti.template(), q, t, threads, per_cell):
-    """Thread t's pairs: of points and triangles (kind 0), then of edges (1)."""
+def asks(touch: ti.template(), q, body, lo, hi):
+    """Whether a face or an edge of a body, in a box [m], may have pairs."""
+    ok = touch.trait[body, f.NEAR]
+    if ok:
+        ok = is_crowded(touch, q, body, lo, hi)
+    return ok
+
+
+@ti.func
+def find_faces(touch: ti.template(), q, t, threads, per_cell):
+    """Thread t's pairs of points and triangles."""
     own = touch.order[q, f.THREAD] + t
-    touch.most[own, f.BLOWN] = 0.0
     base, room = touch.order[q, f.PAIR], touch.order[q, f.FACE_ROOM]
     low, high = touch.order[q, f.TRIANGLE], touch.order[q, f.TRIANGLE_END]
     wider = ti.cast(touch.length[q, f.REACH], touch.real)
-    for kind in range(2):
-        n, stop = base + share(0, room, t, threads), base + share(0, room, t + 1, threads)
-        touch.segment[own, 2 * kind] = n
+    n, stop = base + share(0, room, t, threads), base + share(0, room, t + 1, threads)
+    touch.segment[own, f.FACE_START] = n
+    for i in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
+        a, b = touch.seen[touch.triangle[i, 0]], touch.seen[touch.triangle[i, 1]]
+        c, body = touch.seen[touch.triangle[i, 2]], touch.body[touch.triangle[i, 0]]
+        if touch.trait[body, f.BARE] == 0 and asks(
+            touch, q, body, ti.min(a, b, c), ti.max(a, b, c)
+        ):
+            if touch.trait[body, f.OBSTACLE] == 0:
+                n = pair_cores(touch, q, i, n, stop)
+            if wider > 0.0:
+                blown = False
+                n, blown = pair_faces(touch, q, i, per_cell, wider, n, stop)
+                if blown:
+                    touch.most[own, f.BLOWN] = 1.0
+    touch.segment[own, f.FACE_STOP] = n
+
+
+@ti.func
+def find_edges(touch: ti.template(), q, t, threads, per_cell):
+    """Thread t's pairs of edges; obstacles' ask for none."""
+    own = touch.order[q, f.THREAD] + t
+    base, room = touch.order[q, f.PAIR] + touch.order[q, f.FACE_ROOM], touch.order[q, f.EDGE_ROOM]
+    low, high = touch.order[q, f.EDGE], touch.order[q, f.EDGE_END]
+    wider = ti.cast(touch.length[q, f.REACH], touch.real)
+    n, stop = base + share(0, room, t, threads), base + share(0, room, t + 1, threads)
+    touch.segment[own, f.EDGE_START] = n
+    if wider > 0.0:
         for i in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
-            p, r = 0, 0
-            if kind == 0:
-                p, r = touch.triangle[i, 0], touch.triangle[i, 2]
-            else:
-                p, r = touch.edge[i, 0], touch.edge[i, 1]
-            body = touch.body[p]
-            asks = touch.trait[body, f.NEAR]
-            if touch.trait[body, f.OBSTACLE] and (kind == 1 or touch.trait[body, f.BARE]):
-                asks = 0
-            if asks:
-                lo, hi = (
-                    ti.min(spot(touch, p), spot(touch, r)),
-                    ti.max(spot(touch, p), spot(touch, r)),
-                )
-                if kind == 0:
-                    b = spot(touch, touch.triangle[i, 1])
-                    lo, hi = ti.min(lo, b), ti.max(hi, b)
-                if is_crowded(touch, q, body, lo, hi):
-                    begun = n
-                    most = ti.cast(MOST_CELLS, touch.real)
-                    if touch.trait[body, f.OBSTACLE]:
-                        most *= MOST_CELLS
-                    size, low_cell = cells_of(lo - wider, hi + wider, per_cell, most)
-                    if size[0] == 0:
-                        touch.most[own, f.BLOWN] = 1.0
-                    if kind == 0 and touch.order[q, f.CORES] < touch.order[q, f.BODY_END]:
-                        n = pair_cores(touch, q, i, n, begun, stop)
-                    for cell in range(size[0] * size[1] * size[2]):
-                        x, y = cell % size[0], cell // size[0] % size[1]
-                        at = low_cell + ti.Vector([x, y, cell // (size[0] * size[1])])
-                        if kind == 0:
-                            n = pair_faces(touch, q, i, at, n, begun, stop)
-                        else:
-                            n = pair_edges(touch, q, i, at, n, begun, stop)
-        touch.segment[own, 2 * kind + 1] = n
-        base, room = base + room, touch.order[q, f.EDGE_ROOM]
-        low, high = touch.order[q, f.EDGE], touch.order[q, f.EDGE_END]
-        wider += 0.5 * ti.cast(touch.length[q, f.LONGEST], touch.real)
+            a, b = touch.seen[touch.edge[i, 0]], touch.seen[touch.edge[i, 1]]
+            body = touch.body[touch.edge[i, 0]]
+            bare = touch.trait[body, f.OBSTACLE]
+            if bare == 0 and asks(touch, q, body, ti.min(a, b), ti.max(a, b)):
+                blown = False
+                n, blown = pair_edges(touch, q, i, per_cell, wider, n, stop)
+                if blown:
+                    touch.most[own, f.BLOWN] = 1.0
+    touch.segment[own, f.EDGE_STOP] = n
 
 
 @ti.func
@@ -428,14 +466,16 @@ def search(s: ti.template(), touch: ti.template(), scene, q, t, threads, phase, 
         reach = ti.cast(touch.length[q, f.REACH], touch.real)
         per_cell = 1.0 / (0.5 * ti.cast(touch.length[q, f.LONGEST], touch.real) + reach)
         if t == 0:
-            if touch.order[q, f.COUNT] > 0:
+            if reach > 0.0:
                 sort_points(touch, q, per_cell)
                 sort_edges(touch, q, per_cell)
         phase += 1
         meet(s, scene, phase, threads)
         is_near = touch.order[q, f.COUNT] > 0
         if is_near:
-            find(touch, q, t, threads, per_cell)
+            touch.most[touch.order[q, f.THREAD] + t, f.BLOWN] = 0.0
+            find_faces(touch, q, t, threads, per_cell)
+            find_edges(touch, q, t, threads, per_cell)
         phase += 1
         meet(s, scene, phase, threads)
         again, blown = 0, 0
