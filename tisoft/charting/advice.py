@@ -20,7 +20,7 @@ from tisoft.scene import Scene
 
 SMALL_TURN = math.radians(2.0)
 """Rotation [rad] below which linear elasticity is enough."""
-SECONDS = 8.0
+SECONDS = 8.5
 """Budget of one piece of advice [s of computing]."""
 
 

@@ -202,7 +202,7 @@ class Survey:
         size = self.asking.size(pair.better)
         if size is None or size["nodes"] > LARGEST_RULER:
             return False
-        share = SHARES["ruler"]
+        share = 0.65 if self.patient else SHARES["ruler"]
         if always:  # within the whole budget all the same
             needs = sum(self.asking.needs(w, pair.better) for w in ("static", "exact modes"))
             if needs > 0.5 * (self.budget - self.asking.spent()) and TWIN != pair.told:
@@ -234,18 +234,24 @@ class Survey:
         """Linear elasticity on the meshes of the ruler, for variants whose static answer takes
         longer than there is time."""
         now = self.catalogue.current
-        pair = next((p for p in pairs_of(self.catalogue, twin=False) if p.told is None), None)
-        sag = self.judging.rulers.get("sag")
-        if pair is None or sag is None or self.asking.quantity(now, "sag") is None:
+        sag, own = self.judging.rulers.get("sag"), self.asking.quantity(now, "sag")
+        linear = self._linearly(now)
+        if sag is None or own is None or linear is None:
             return
-        found = [
-            self.asking.ask("linear static", v, self._share) for v in (pair.worse, pair.better, now)
-        ]
-        answers = [self.asking.sag_of(one) for one in found if one is not None]
-        if len(answers) == 3:
-            truth = ruler_of(answers[0], answers[1], "sag", pair.range_)
-            error = sag.error(self.asking.quantity(now, "sag"))
-            self.judging.linear = linear_ruler(truth, error, answers[2])
+        rulers = []
+        for pair in pairs_of(self.catalogue, twin=False):
+            if self.asking.known("static", pair.better) and pair.told is None:
+                worse, better = self._linearly(pair.worse), self._linearly(pair.better)
+                if worse is not None and better is not None:
+                    rulers.append(ruler_of(worse, better, "sag", pair.range_))
+        if rulers:
+            best = min(rulers, key=lambda ruler: ruler.bar)
+            self.judging.linear = linear_ruler(best, sag.error(own), linear)
+
+    def _linearly(self, variant: Variant) -> Any:
+        """Sag as linear elasticity has it."""
+        found = self.asking.ask("linear static", variant, self._share)
+        return None if found is None else self.asking.sag_of(found)
 
     # -- variants ------------------------------------------------------------------------------
 
@@ -288,7 +294,7 @@ class Survey:
             found = self.asking.quantity(shared, what, share)
             if found is None and what == "sag" and self.judging.linear is not None:
                 if not self.asking.has("static", shared):  # else it has none
-                    found = self.asking.ask("linear static", shared, share)
+                    found = self._linearly(shared)
             if found is None:
                 return
         if self.asking.ask("step", variant, share) is not None:
