@@ -7,6 +7,7 @@ answers are kept as they come, so whatever ends the survey, what is done can be 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -31,6 +32,8 @@ LARGEST_RULER = 60_000
 """Nodes of a quadratic mesh that statics and modes are asked of."""
 SHARES = {"ruler": 0.5, "answers": 0.65, "timing": 0.85, "path": 0.95}
 """Of the budget, at which each stage must be over."""
+RULER_ALONE = 0.8
+"""Of what is left of the budget, that the first ruler may take."""
 MOST_OVER = 1.2
 """Times the budget, that the first look may take by what is known before."""
 NO_TIME = "there was no time to find the equilibrium; give a larger budget"
@@ -180,9 +183,11 @@ class Survey:
                 f"the mesh is too large for a ruler: quadratic tets would have {size['nodes']} "
                 f"nodes, more than {LARGEST_RULER}, and it has no coarser twin; take a coarser mesh"
             )
+        needs = sum(self.asking.needs(what, pairs[0].better) for what in ("static", "exact modes"))
+        whole = math.ceil(1.2 * (self.asking.spent() + needs / RULER_ALONE))
         return (
-            f"a budget of {self.budget:g} s is too small for the ruler of this scene; give more, "
-            "or take a coarser mesh"
+            f"the budget is too small for the ruler of this scene; give {whole} s or more, or take "
+            "a coarser mesh"
         )
 
     def _quantities(self) -> list[str]:
@@ -205,7 +210,7 @@ class Survey:
         share = 0.65 if self.patient else SHARES["ruler"]
         if always:  # within the whole budget all the same
             needs = sum(self.asking.needs(w, pair.better) for w in ("static", "exact modes"))
-            if needs > 0.5 * (self.budget - self.asking.spent()) and TWIN != pair.told:
+            if needs > RULER_ALONE * (self.budget - self.asking.spent()) and TWIN != pair.told:
                 return False
             share = 100.0
         found = False
