@@ -19,6 +19,7 @@ EXAMPLES = """examples:
   tisoft bench --render
   tisoft bench --view
   tisoft bench --accuracy
+  tisoft bench --contact
   tisoft bench --sizes S XL --models viscoelastic --seconds 2 --json"""
 
 
@@ -44,6 +45,10 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--accuracy", action="store_true",
         help="errors against cost instead: beams of each element, and what 2 %% of error costs",
     )  # fmt: skip
+    parser.add_argument(
+        "--contact", action="store_true",
+        help="contact instead: microseconds a contact, from 5 to 80 bodies, and a plane's share",
+    )  # fmt: skip
     parser.add_argument("--no-compile", action="store_true", help="do not time compiling")
     common.add_machine(parser)
     common.add_output(parser)
@@ -59,6 +64,8 @@ def execute(options: argparse.Namespace) -> int:
         return _accuracy(options)
     if options.view:
         return _view(options)
+    if options.contact:
+        return _contact(options)
     precision = options.precision or "f32"
     rows = []
     for model in options.models:
@@ -81,6 +88,19 @@ def _view(options: argparse.Namespace) -> int:
         for size in bench_view.SIZES
     ]
     return _tell(options, rows, bench_view.as_text, cores=runtime.threads())
+
+
+def _contact(options: argparse.Namespace) -> int:
+    """Time blocks that stand on each other, and one on a plane, and report."""
+    from tisoft import bench_contact
+
+    rows = []
+    for count in bench_contact.BODIES:
+        if not options.quiet and sys.stderr.isatty():
+            print(f"{count} bodies …", file=sys.stderr)
+        rows.append(bench_contact.measure(count, seconds=options.seconds))
+    rows.append(bench_contact.measure_plane(seconds=options.seconds))
+    return _tell(options, rows, bench_contact.as_text)
 
 
 def _accuracy(options: argparse.Namespace) -> int:
