@@ -206,6 +206,7 @@ class Motion(Present):
         if self.account is not None:
             self.account.collect(*self.stepper.work(0))
         self.steps.append(step)
+        self.remade = False
         self.half_step_lag = step if self.half_step_lag else 0.0
         self.time = end
         self._note_explosion(step)
@@ -277,7 +278,7 @@ class Motion(Present):
 
     def stretches(self, count: int, substeps: int, step: float, most_kinetic: float) -> int:
         """Make bare stretches; returns how many were made (see `Stepper.stretches`)."""
-        before = self.steps[-1] if self.steps else step
+        before = self.steps[-1] if self.steps and not self.remade else step
         self.schedule.begin(
             self.time,
             substeps,

@@ -83,6 +83,9 @@ class Present:
         """Substeps after which it is to be looked at again."""
         self.pushes = [STILL] * len(scene.bodies)
         """Speed [m/s] at which obstacles push each body out; STILL where it is not inside."""
+        self.remade = False
+        """Whether materials have changed since the last substep: the kick that leads from one step
+        to another is of forces that both know."""
         self.wall_seconds = 0.0
         self._compiled = runtime.compile_seconds
         with np.errstate(all="ignore"):  # what leaves the range of floats is refused by name
@@ -303,6 +306,7 @@ class Present:
                 if changed:
                     self._reread()
                     self._made_of = made_of
+                    self.remade = True
                 self._given_gravity = self.scene.gravity
                 self.gravity_now = gravity_at(self.scene.gravity, self.time)
         if self._has_other_obstacles():

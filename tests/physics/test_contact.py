@@ -315,6 +315,17 @@ def test_a_start_inside_is_pushed_out_gently(tmp_path):
     assert told["dissipated"] > 0 and abs(told["error"]) < 0.02 * told["external_work"]
 
 
+def test_a_body_made_a_hundred_times_stiffer_knows_where_its_energy_comes_from():
+    """Its step is a tenth and less then: a kick over half of the old one would be a blow."""
+    scene, body = _cube(ts.Plane(friction=0.5))
+    sim = ts.Simulation(scene, ledger=True, threads=1)
+    sim.run(0.16)
+    body.model = ts.NeoHookean(1e7, 0.3, 1000.0, damping_ratio=0.2)
+    sim.run(0.1)
+    told = sim.energy()
+    assert abs(told["error"]) < 0.03 * told["external_work"]
+
+
 def test_obstacles_put_elsewhere_between_frames_are_followed():
     scene, body = _cube(ts.Plane(), gravity=(0, 0, 0), more=[ts.Plane((0, 0.2, 0), (0, -1, 0))])
     sim = ts.Simulation(scene, ledger=True, threads=1)
