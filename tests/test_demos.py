@@ -16,14 +16,16 @@ from tisoft.cli import main
 from tisoft.commands.demo import demos
 
 ROOT = Path(__file__).parents[1]
-SCENES = list(demos())
+SLOW = {"bowl", "drape"}
+"""Whose kernels few other tests have."""
+SCENES = [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in demos()]
 
 
 def test_list_names_every_demo_with_a_sentence(capsys):
     assert main(["demo", "--list", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)
     names = {row["name"] for row in rows}
-    assert names == {"creature", "softness", "four-ways", "twist", "cloth", "nets"}
+    assert names == {"creature", "softness", "four-ways", "twist", "cloth", "nets", "bowl", "drape"}
     assert all(row["about"].endswith(".") and Path(row["file"]).is_file() for row in rows)
     assert all(row["seconds"] >= 1 for row in rows)
 
