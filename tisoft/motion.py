@@ -21,7 +21,7 @@ from tisoft.gaps import faces_meet, radius_of
 from tisoft.gravity import strongest
 from tisoft.model import state as columns
 from tisoft.model.part import Part
-from tisoft.present import Present
+from tisoft.present import AGAIN, Present
 from tisoft.rows_in_time import coarse_rows
 from tisoft.scene import Scene
 from tisoft.stable.guard import Guard
@@ -31,8 +31,11 @@ from tisoft.step.pins import SAME_TIME
 
 Floats = NDArray[np.float64]
 
-AGAIN = 32
-"""Substeps after which the stable step is looked at again, at the end of a frame."""
+CALM, CALMEST = 0.01, 16
+"""Relative change of the bound up to which the next look may be after twice as many substeps, and
+how many times AGAIN those may be: far from what the step leaves free (`limit.SAFETY`).  Bodies that
+may hit something are looked at as often as ever: they are calm until they do.
+"""
 LOOK, LOOK_WORK = 64, 30_000
 """Substeps, or tet-substeps in small scenes, after which it is even within a frame."""
 MOST_SUBSTEPS = 1e9
@@ -50,7 +53,10 @@ class Motion(Present):
 
     def refresh(self) -> None:
         """Take over what the caller changed since the last frame."""
-        if self.take_changes() and self.guard is not None:
+        if not self.take_changes():
+            return
+        self.next_look = min(self.next_look, AGAIN)
+        if self.guard is not None:
             self.guard.forget()  # energies are others than before
 
     def part(self, body: Body) -> Part:
@@ -130,7 +136,8 @@ class Motion(Present):
         self.since_look += substeps
         if due:
             self.since_look = 0
-            self.limit.moved()
+            if self.guard is None or self.scene.integrator == "explicit-euler":
+                self.limit.moved()  # else the guard has just looked at this state
             self.watch.look(self.time)
             self._look_inside()
             self._recenter()
@@ -296,13 +303,22 @@ class Motion(Present):
         self.stepper.advance(count, step, self.gravity_now)
         self.limit.moved()
 
+    def _next_look(self) -> int:
+        """Substeps until the next look, as the state's change asks."""
+        pins = [pin for part in self.system.parts for pin in part.body.pins]
+        lets_go = any(pin.release is not None for pin in pins)
+        jolted = bool(self._obstacles) or self.touching is not None or lets_go
+        if not jolted and self.limit.change() < CALM:
+            return min(max(AGAIN, 2 * self.next_look), CALMEST * AGAIN)
+        return AGAIN
+
     def _recenter(self) -> None:
         """Move a body's origin after it where it has travelled: u stays small, so exact in f32; and
         look again before one has travelled by half its size.
         """
         moved = False
         u, v = self.system.motion()
-        self.next_look = AGAIN
+        self.next_look = self._next_look()
         step = self.steps[-1]
         gravity = strongest(self.scene.gravity)
         for part in self.system.parts:
@@ -316,7 +332,7 @@ class Motion(Present):
             speed = float(np.linalg.norm(v[part.nodes].mean(axis=0, dtype=np.float64)))
             # The speed grows by g t at the most: speed t + g t² = size/2.
             time = part.size / (speed + math.sqrt(speed * speed + 2.0 * gravity * part.size) or 1.0)
-            if time < AGAIN * step:
+            if time < self.next_look * step:
                 self.next_look = max(1, min(self.next_look, int(time / step)))
         if moved:
             self.place_obstacles()

@@ -41,6 +41,8 @@ from tisoft.touch.touching import stands, touching_of
 
 Floats = NDArray[np.float64]
 
+AGAIN = 32
+"""Substeps after which the stable step is looked at again, at the end of a frame."""
 PUSH_STEPS = 32
 """Stable steps, for each node through a body, in which an obstacle pushes it out."""
 OUT = 1e-6
@@ -339,7 +341,8 @@ class Present:
         self._kept.check(scene)
         if scene.gravity != self._given_gravity or self._has_other_obstacles():
             check_scene(scene, self.precision)
-        self._kept.settled(scene)
+        if self._kept.settled(scene):
+            self.next_look = min(self.next_look, AGAIN)
         for part, body in zip(self.system.parts, scene.bodies, strict=True):
             if part.body is not body:  # with its damping ratio turned; else the same
                 part.body.pins, part.body.loads = body.pins, body.loads

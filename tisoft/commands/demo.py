@@ -23,10 +23,9 @@ GALLERY = {
     "softness": (0.12, 15),
     "four-ways": (0.2, 12),
     "twist": (0.45, 15),
-    "cloth": (0.5, 10),
     "nets": (0.25, 14),
     "bowl": (0.9, 40),
-    "drape": (0.6, 20),
+    "cloth": (0.6, 20),
 }
 """Of each demo: the share of the film at which its picture is taken, and about how many seconds it
 takes on two cores, with kernels from the cache."""

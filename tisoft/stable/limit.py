@@ -60,6 +60,8 @@ class StepLimit:
         self._moves = any(share.block.law.is_finite for _, share in self._shares)
         self._launch = self._kernel() if self._shares else None
         self._bound: float | None = None
+        self._before: float | None = None
+        """The bound that was known before the state became another one."""
         self._sharp: tuple[float, float] | None = None
         self._rest_bounds: tuple[float, float] = (np.inf, np.inf)
         self._next_look = 0
@@ -141,7 +143,14 @@ class StepLimit:
 
     def moved(self) -> None:
         """Say that the state is another one now."""
-        self._bound, self._is_new = None, True
+        self._before, self._bound, self._is_new = self._bound, None, True
+
+    def change(self) -> float:
+        """Relative change of the bound since the last look; inf where that one is not known."""
+        bound, before = self._tets_bound(), self._before
+        if before is None:
+            return np.inf
+        return 0.0 if bound == before else abs(bound - before) / before if before > 0.0 else np.inf
 
     def _look(self, parts: list[Part], u: NDArray[np.float64] | None) -> tuple[float, int]:
         """The parts' sharp limit [s] at displacements u, or at rest, and the products it took."""
