@@ -12,9 +12,7 @@ from tisoft.charting.costs import Kind, predicted
 from tisoft.charting.patience import Patience
 from tisoft.charting.records import Bench
 from tisoft.charting.variants import Variant
-from tisoft.model.system import SMALL
 from tisoft.step.pace import CELLS_PER_THREAD
-from tisoft.step.stepper import SPRINGS_PER_TET
 
 
 @dataclass
@@ -110,6 +108,8 @@ class Asking:
         size = self.size(variant)
         if size is None:
             return ("", "", "", "", ""), {}
+        from tisoft.model.system import SMALL  # needs Taichi, which whoever only asks may lack
+
         words = [size[k] for k in ("element", "model", "precision", "integrator")]
         alone = _threads(size) == 1 if what == "timing" else size["elements"] < SMALL
         return (*words, "alone" if alone else "shared"), size  # loops are kernels of their own
@@ -141,5 +141,7 @@ class Asking:
 
 def _threads(size: dict[str, Any]) -> int:
     """CPU threads that a scene of so many elements takes by itself, as `Stepper` does."""
+    from tisoft.step.stepper import SPRINGS_PER_TET  # needs Taichi
+
     each = SPRINGS_PER_TET if size["element"] == "spring" else 1
     return max(1, min(runtime.threads(), size["elements"] // each // CELLS_PER_THREAD))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tisoft.body import Body
-from tisoft.check.limiting import metres
+from tisoft.check.lengths import metres
 from tisoft.geometry.mesh import TetMesh
 from tisoft.gravity import strongest
 from tisoft.model.network import triangle_areas

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tisoft.check.lengths import metres
 from tisoft.elements.spring import frequencies
 from tisoft.geometry.quality import smallest_altitudes
 from tisoft.model.part import Part
@@ -164,11 +165,3 @@ def _wave_speed(part: Part) -> float | None:
     own = [cells.solid for cells in part.solids]
     squares = [(model.lame_lambda + 2.0 * model.lame_mu) / model.density for model in own]
     return float(np.sqrt(max(squares))) if squares else None
-
-
-def metres(length: float) -> str:
-    """A length with a handy unit."""
-    for factor, unit in ((1.0, "m"), (1e3, "mm"), (1e6, "µm")):
-        if length * factor >= (0.1 if unit == "m" else 1.0):
-            return f"{length * factor:.3g} {unit}"
-    return f"{length:.3g} m"

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from tisoft.body import Body
 from tisoft.check.contact import contact_lines, contact_report
-from tisoft.check.limiting import damping_cost, limiting_element, metres
+from tisoft.check.lengths import metres
+from tisoft.check.limiting import damping_cost, limiting_element
 from tisoft.check.meshes import mesh_notes, used
 from tisoft.check.warnings import warnings_of
 from tisoft.geometry.bracing import mechanism, missing_springs, moving_nodes
