@@ -132,7 +132,7 @@ def state_of(sim: Motion, positions: Any, velocities: Any) -> tuple[Floats, Floa
     for patch in sim.holder.patches.held:
         part = patch.part
         u = x[part.nodes][part.order] - part.body.mesh.points[part.order]
-        away = np.abs(patch.means(u) - patch.targets(sim.time))[:, patch.axes]
+        away = np.abs(patch.means(u) - patch.targets(sim.time))[:, patch.pin.components]
         if away.max(initial=0.0) > OFF * part.size:
             problem = (
                 f'moves what pin[{part.body.pins.index(patch.pin)}] of "{part.body.name}" holds; '

@@ -69,11 +69,27 @@ class Pin:
         """Whether it moves what it holds."""
         return self.velocity is not None or self.path is not None or self.turn is not None
 
+    @property
+    def components(self) -> NDArray[np.int64]:
+        """Numbers of the axes that are held, as [0, 1, 2]; shape (held axes,)."""
+        return np.array(["xyz".index(axis) for axis in self.axes])
+
+    @property
+    def bits(self) -> int:
+        """The same as bits: 1 for x, 2 for y, 4 for z."""
+        return sum(1 << "xyz".index(axis) for axis in self.axes)
+
     def _check_held(self, field: str, motion: tuple[float, ...]) -> None:
         for axis, component in zip("xyz", motion, strict=True):
             if component and axis not in self.axes:
                 problem = f"moves along {axis}, which axes = {self.axes!r} leaves free"
                 raise FieldError(field, problem, motion)
+
+    def share_of_way(self, points: Points, time: float, factor: float) -> Points:
+        """Displacement [m] at a share of the way, of a turn's angle; shape (n, 3)."""
+        if self.turn is not None:
+            return self.turn.slower(factor).displacement(points, time)
+        return factor * self.displacement(points, time)
 
     def displacement(self, points: Points, time: float) -> Points:
         """Displacement from rest [m] at `time` [s] of held nodes at rest positions `points`.

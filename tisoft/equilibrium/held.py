@@ -40,7 +40,7 @@ class Held:
                 continue
             rows, patch = patch_of(part, pin)
             self.pins.append((pin, rows))
-            self.axes[np.ix_(part.rank[rows], _numbers(pin))] = True
+            self.axes[np.ix_(part.rank[rows], pin.components)] = True
             if patch is not None:
                 self.patches.append(patch)
 
@@ -54,7 +54,7 @@ class Held:
         """Whether something holds a node along an axis, by itself or in a mean."""
         out = self.axes.copy()
         for patch in self.patches:
-            out[np.ix_(np.unique(patch.nodes), _numbers(patch.pin))] = True
+            out[np.ix_(np.unique(patch.nodes), patch.pin.components)] = True
         return out
 
     @cached_property
@@ -92,7 +92,7 @@ class Held:
 
     def _means(self, axis: int) -> Floats:
         """C of an axis, shape (means, nodes)."""
-        rows = [patch for patch in self.patches if axis in patch.axes]
+        rows = [patch for patch in self.patches if axis in patch.pin.components]
         nodes = np.concatenate([np.empty((0, 8), np.int64), *[patch.nodes for patch in rows]])
         C = np.zeros((len(nodes), len(self.axes)))
         np.add.at(C, (np.arange(len(nodes))[:, None], nodes), _shares(rows))
@@ -121,26 +121,19 @@ class Held:
         part = self.part
         for pin, rows in self.pins:
             points = part.body.mesh.points[rows]
-            if pin.turn is not None:
-                way = pin.turn.slower(factor).displacement(points, self.time)
-            else:
-                way = factor * pin.displacement(points, self.time)
-            axes = _numbers(pin)
+            way = pin.share_of_way(points, self.time, factor)
+            axes = pin.components
             moved = np.ix_(part.rank[rows], axes)
             # Of two pins that hold a node, one may be still: the moving one tells where it is.
             place[moved] = np.where(way[:, axes] != 0.0, way[:, axes], place[moved])
         if any(patch.pin.moves for patch in self.patches) or place.any():
             for axis, (_, back) in enumerate(self._inverses):
-                mine = [patch for patch in self.patches if axis in patch.axes]
+                mine = [patch for patch in self.patches if axis in patch.pin.components]
                 wanted = [patch.targets(self.time, factor)[:, axis] for patch in mine]
                 now = [patch.means(place)[:, axis] for patch in mine]
                 if mine:
                     place[:, axis] += back @ (np.concatenate(wanted) - np.concatenate(now))
         return place
-
-
-def _numbers(pin: Pin) -> NDArray[np.int64]:
-    return np.array(["xyz".index(axis) for axis in pin.axes])
 
 
 def _shares(patches: list[Patch]) -> Floats:

@@ -116,8 +116,7 @@ class _Mass:
         for pin in part.body.pins:
             if pin.release is None:
                 rows = part.rank[part.body.grip(pin.where)[0]]
-                for axis in pin.axes:
-                    self.free[rows, "xyz".index(axis)] = False
+                self.free[np.ix_(rows, pin.components)] = False
         self.lumped = part.mass[:, None]
         self.matrix = elastic.consistent_mass() if part.is_consistent else None
         self._factors = [self._factor(axis) for axis in range(3)]

@@ -34,11 +34,6 @@ class Patch:
     shares: Floats
 
     @property
-    def axes(self) -> list[int]:
-        """Those that are held."""
-        return ["xyz".index(axis) for axis in self.pin.axes]
-
-    @property
     def places(self) -> Floats:
         """Means of the rest positions [m], shape (cells, 3)."""
         rest = self.part.body.mesh.points[self.part.order]
@@ -46,9 +41,7 @@ class Patch:
 
     def targets(self, time: float, factor: float = 1.0) -> Floats:
         """Mean displacements U [m] at `time` [s], or at a share of them, shape (cells, 3)."""
-        if self.pin.turn is not None:
-            return self.pin.turn.slower(factor).displacement(self.places, time)
-        return factor * self.pin.displacement(self.places, time)
+        return self.pin.share_of_way(self.places, time, factor)
 
     def means(self, u: Floats) -> Floats:
         """C u of values at the part's nodes, shape (cells, 3)."""
@@ -71,7 +64,7 @@ def inverses(patches: Sequence[Patch], lightness: Floats) -> Floats:
     shares = np.concatenate([patch.shares for patch in patches])
     out = np.zeros((len(nodes), len(nodes), 3))
     for axis in range(3):
-        held = np.concatenate([np.full(len(p.nodes), axis in p.axes) for p in patches])
+        held = np.concatenate([np.full(len(p.nodes), axis in p.pin.components) for p in patches])
         if not held.any():
             continue
         C = np.zeros((int(held.sum()), len(lightness)))

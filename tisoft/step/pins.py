@@ -70,8 +70,7 @@ class Holder:
             if patch is not None:
                 patches.append(patch)
             inside = part.start + part.rank[rows]
-            for axis in pin.axes:
-                held[inside] |= 1 << "xyz".index(axis)
+            held[inside] |= pin.bits
             if pin.moves:
                 self._moved.append((part, pin, rows, inside))
         # What was let go keeps its velocity; what is held at rest stands still at once.
@@ -92,15 +91,14 @@ class Holder:
         for part, pin, rows, inside in self._moved:
             points = part.body.mesh.points[rows]
             place = points + pin.displacement(points, time)
-            for axis in pin.axes:
-                out[inside, "xyz".index(axis)] = place[:, "xyz".index(axis)]
+            for k in pin.components:
+                out[inside, k] = place[:, k]
         return out
 
     def finish(self, end: float) -> None:
         """Put moved pins exactly where they belong at `end` [s]: rounding must not add up."""
         for part, pin, rows, inside in self._moved:
             place = pin.displacement(part.body.mesh.points[rows], end) - part.shift
-            bits = sum(1 << "xyz".index(axis) for axis in pin.axes)
-            self.system.set_places(inside, np.full(len(inside), bits), place)
+            self.system.set_places(inside, np.full(len(inside), pin.bits), place)
         if self.is_moving:
             self.patches.finish(end)

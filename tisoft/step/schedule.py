@@ -244,16 +244,15 @@ class Acting:
     def add_pin(self, part: Part, pin: Pin, picked: NDArray[np.int64]) -> None:
         """A pin that moves, with the rows of `mesh.points` that it holds."""
         nodes = part.start + part.rank[picked]
-        bits = sum(1 << "xyz".index(axis) for axis in pin.axes)
         if pin.turn is None:
             number = self.pins[id(pin)] = self.signal(path_signal(pin), 3)
-            self.rows.add(nodes, kinds.PATH, bits, number, 0.0)
+            self.rows.add(nodes, kinds.PATH, pin.bits, number, 0.0)
             return
         arm = part.body.mesh.points[picked] - np.array(pin.turn.point)
         along = np.cross(pin.turn.axis, arm)
         across = np.cross(pin.turn.axis, along)
         number = self.pins[id(pin)] = self.signal(turn_signal(pin.turn.rate), 2)
-        self.rows.add(nodes, kinds.TURN, bits, number, along, across)
+        self.rows.add(nodes, kinds.TURN, pin.bits, number, along, across)
 
 
 class Schedule:

@@ -32,8 +32,7 @@ def free_axes(body: Body) -> NDArray[np.bool_]:
     """Whether each node may move along each axis, shape (nodes, 3)."""
     free = np.ones((len(body.mesh.points), 3), bool)
     for pin in body.pins:
-        for axis in pin.axes:
-            free[body.nodes(pin.where), "xyz".index(axis)] = False
+        free[np.ix_(body.nodes(pin.where), pin.components)] = False
     return free
 
 

@@ -167,8 +167,7 @@ def _slowest(body: Body, gravity: Floats) -> float:
     part = balance.part
     free = np.ones((balance.nodes, 3), bool)
     for pin in body.pins:
-        for axis in pin.axes:
-            free[part.rank[body.nodes(pin.where)], "xyz".index(axis)] = False
+        free[np.ix_(part.rank[body.nodes(pin.where)], pin.components)] = False
     inner = np.flatnonzero(free.ravel())
     matrix = balance.stiffness(np.zeros((balance.nodes, 3)))[inner][:, inner]
     shift = 1e-9 * float(matrix.diagonal().max())  # flat nets are loose out of their plane
