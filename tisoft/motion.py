@@ -25,9 +25,9 @@ from tisoft.present import AGAIN, Present
 from tisoft.rows_in_time import coarse_rows
 from tisoft.scene import Scene
 from tisoft.stable.guard import Guard
-from tisoft.step.account import RUNNING
 from tisoft.step.grab import Grab
 from tisoft.step.pins import SAME_TIME
+from tisoft.told import Told, told_of
 
 Floats = NDArray[np.float64]
 
@@ -36,6 +36,8 @@ CALM, CALMEST = 0.01, 16
 how many times AGAIN those may be: far from what the step leaves free (`limit.SAFETY`).  Bodies that
 may hit something are looked at as often as ever: they are calm until they do.
 """
+CENTERED = 128
+"""Substeps after which a body is centred at the latest: what hits it may have made it faster."""
 LOOK, LOOK_WORK = 64, 30_000
 """Substeps, or tet-substeps in small scenes, after which it is even within a frame."""
 MOST_SUBSTEPS = 1e9
@@ -50,12 +52,16 @@ class Motion(Present):
         self.look = max(LOOK, LOOK_WORK // max(1, self.system.elements))
         self.guard = Guard(self) if certify else None
         self._allowed_step = scene.step
+        self.center_due = 0.0
+        """When bodies' origins are moved after them next [s]."""
+        self._told: Told | None = None
 
     def refresh(self) -> None:
         """Take over what the caller changed since the last frame."""
         if not self.take_changes():
             return
         self.next_look = min(self.next_look, AGAIN)
+        self.center_due = 0.0
         if self.guard is not None:
             self.guard.forget()  # energies are others than before
 
@@ -158,19 +164,22 @@ class Motion(Present):
         """Sentences about rows in time that are finer than the substeps of the first frame."""
         return list(coarse_rows(self.scene, self.steps[0])) if self.steps else []
 
-    def make_frame(self) -> None:
-        """Advance one frame.
+    def make_frame(self, *, tells: bool = False) -> Told | None:
+        """Advance one frame; returns what is told of it where it `tells` and no velocities lag.
 
         Raises:
             Diverged: when no step carries the frame; the state is then the last good one.
         """
         self.refresh()
+        self.stepper.tells = tells
         end = self.time_of(self.frame + 1)
         stops = self._releases_before(end)
         for stop in stops:
             self._go_to(stop, stop - self.time)
         self._go_to(end, end - self.time if stops else 1.0 / self.scene.frame_rate)
         self.frame += 1
+        told, self._told = self._told, None
+        return told
 
     def _releases_before(self, end: float) -> list[float]:
         """When pins let go before the end of the frame [s]."""
@@ -210,7 +219,9 @@ class Motion(Present):
         else:
             count, step = self.guard.carry(count, step)
         self.holder.finish(end)
-        if self.account is not None:
+        if self.stepper.tells and not self.half_step_lag:
+            self._told = self._tell(self.stepper.records(1))[0]
+        elif self.account is not None:
             self.account.collect(*self.stepper.work(0))
         self.steps.append(step)
         self.remade = False
@@ -228,10 +239,9 @@ class Motion(Present):
             lag = 0.5 * self.half_step_lag * self.acceleration()
             self.system.set_motion(u, v - np.where(freed, lag, 0.0))
 
-    def make_frames(self, most: int) -> list[Floats]:
-        """Advance up to `most` frames in one launch, where nothing has to be told between them;
-        returns their records, each of shape (1 + probes, columns).  None are made where
-        `make_frame` has to.
+    def make_frames(self, most: int) -> list[Told]:
+        """Advance up to `most` frames in one launch, where nobody looks at the state between them;
+        returns what is told of each.  None are made where `make_frame` has to.
         """
         self.refresh()
         frame_time = 1.0 / self.scene.frame_rate
@@ -244,24 +254,27 @@ class Motion(Present):
         most = min(most, due, columns.FRAMES, self._frames_until_release())
         if most < 2 or count > self.look or not self.steps or self.steps[-1] != h:
             return []
+        self.stepper.tells = True
         begun = _stepping_clock()
         made = self.guard.carry_many(most, count, h) if self.guard else (
             self.stretches(most, count, h, math.inf)
         )  # fmt: skip
         if not made:
             return []
-        records = self.stepper.records(made)
-        for record in records:
-            if self.account is not None:
-                self.account.collect(*record[0, [5, 6, columns.TOUCHED, columns.TOUCHED + 1]])
-                record[0, RUNNING] = self.account.sums()
+        told = self._tell(self.stepper.records(made))
         self.steps += [h] * made
         self.frame += made
         self.time = self.time_of(self.frame)
         self._note_explosion(h)
         self._looked(made * count)
         self.wall_seconds += _stepping_clock() - begun
-        return list(records)
+        return told
+
+    def _tell(self, records: Floats) -> list[Told]:
+        """Read the frames just made off, and add them to the account."""
+        return told_of(
+            self.system, records, probed=self.probed, account=self.account, gravity=self.gravity_now
+        )
 
     def _note_explosion(self, step: float) -> None:
         """Tell of a state that is not finite where no guard has stopped the run."""
@@ -313,13 +326,21 @@ class Motion(Present):
         return AGAIN
 
     def _recenter(self) -> None:
-        """Move a body's origin after it where it has travelled: u stays small, so exact in f32; and
-        look again before one has travelled by half its size.
-        """
-        moved = False
-        u, v = self.system.motion()
+        """Move bodies' origins after them, and look again before one has travelled too far."""
         self.next_look = self._next_look()
         step = self.steps[-1]
+        if self.center_due - self.time < AGAIN * step:
+            self.center_due = self.time + min(self._center(), CENTERED * step)
+        ahead = int((self.center_due - self.time) / step)
+        self.next_look = max(1, min(self.next_look, ahead))
+
+    def _center(self) -> float:
+        """Move a body's origin after it where it has travelled: u stays small, so exact in f32.
+
+        Returns the time [s] in which none travels by half its size.
+        """
+        moved, soonest = False, math.inf
+        u, v = self.system.motion()
         gravity = strongest(self.scene.gravity)
         for part in self.system.parts:
             here = u[part.nodes]
@@ -332,11 +353,11 @@ class Motion(Present):
             speed = float(np.linalg.norm(v[part.nodes].mean(axis=0, dtype=np.float64)))
             # The speed grows by g t at the most: speed t + g t² = size/2.
             time = part.size / (speed + math.sqrt(speed * speed + 2.0 * gravity * part.size) or 1.0)
-            if time < self.next_look * step:
-                self.next_look = max(1, min(self.next_look, int(time / step)))
+            soonest = min(soonest, time)
         if moved:
             self.place_obstacles()
             self.holder.patches.place()
+        return soonest
 
 
 def _stepping_clock() -> float:

@@ -72,8 +72,13 @@ def _as_node(probe: Probe) -> Iterator[None]:
 
 
 def places_of(found: Sequence[Probed], rows: Floats) -> Floats:
-    """Values of probes, shape (probes, 3), of those at all their rows, one after the other."""
-    ends = np.cumsum([len(own.rows) for own in found])
-    each = np.split(rows, ends[:-1]) if len(ends) else []
-    values = [own.weights @ part for own, part in zip(found, each, strict=True)]
-    return np.array(values, np.float64).reshape(-1, 3)
+    """Values of probes, shape (…, probes, 3), of those at all their rows, one after the other,
+    shape (…, rows, 3).  Frame by frame or of many frames, the same bits.
+    """
+    values = np.zeros((*rows.shape[:-2], len(found), 3))
+    first = 0
+    for k, own in enumerate(found):
+        for j, weight in enumerate(own.weights.tolist(), first):
+            values[..., k, :] += weight * rows[..., j, :]
+        first += len(own.rows)
+    return values

@@ -15,8 +15,8 @@ from tisoft.motion import Motion
 from tisoft.stable.guard import Recovery
 
 COUNTERS = (
-    "time", "frame", "substeps", "since_look", "next_look", "wall_seconds", "half_step_lag",
-    "pushes", "meets", "origin",
+    "time", "frame", "substeps", "since_look", "next_look", "center_due", "wall_seconds",
+    "half_step_lag", "pushes", "meets", "origin",
 )  # fmt: skip
 ARRAYS = ("u", "v", "held", "drive", "load", "pressed")
 """The nodes' state; the last four, of the frame just made, tell reactions and velocities."""

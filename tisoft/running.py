@@ -32,16 +32,17 @@ def run(sim: Any, count: int, observers: list[Any]) -> None:
 
 def _frames(sim: Any, count: int, observers: list[Any]) -> Iterator[Any]:
     every = [getattr(observer, "looks_every", 1) for observer in observers] or [0]
+    tells = any(n != 1 for n in every)
     begun, last = sim.frame, sim.frame + count
     yield sim.here()
     while sim.frame < last:
         first = sim.frame
         free = [n - first % n for n in every if n] + [last - first]
-        records = sim.make_frames(min(free)) if first >= begun + ALONE else []
-        if not records:
-            yield sim.step()
-        for k, record in enumerate(records, 1):
-            yield sim.told(first + k, record)
+        made = sim.make_frames(min(free)) if first >= begun + ALONE else []
+        if not made:
+            made = [sim.make_frame(tells=tells)]
+        for k, told in enumerate(made, 1):
+            yield sim.told(first + k, told)
 
 
 def nothing(_: Any) -> None:

@@ -25,10 +25,9 @@ from tisoft.motion import Motion
 from tisoft.probed import places_of
 from tisoft.running import run
 from tisoft.scene import Scene
-from tisoft.step.account import RUNNING
 from tisoft.step.consistent_mass import residual_share
 from tisoft.step.loading import external_forces
-from tisoft.step.observe import energy_table
+from tisoft.told import Told, entries_of
 
 Floats = NDArray[np.float64]
 
@@ -42,8 +41,13 @@ class Frame:
     index: int
     time: float
     """[s]"""
-    record: Floats | None = None
-    """Of a frame made together with later ones: shape (1 + probes, columns) [SI]."""
+    told: Told | None = None
+    """Of a frame made together with others: how it was."""
+
+    @property
+    def is_present(self) -> bool:
+        """Whether the state is this frame's: of frames made together, the last one's."""
+        return self.index == self.simulation.frame
 
     def positions(self, body: Body | None = None) -> Floats:
         """World positions [m], shape (nodes, 3), in the mesh's node order."""
@@ -55,11 +59,11 @@ class Frame:
 
     def probes(self) -> Floats:
         """World positions of the scene's probes [m], shape (probes, 3)."""
-        return self.simulation.probe_positions(self.record)
+        return self.simulation.probe_positions() if self.told is None else self.told.places
 
     def energy(self) -> Energies:
         """Energies [J], as `Simulation.energy`."""
-        return self.simulation.energy_of(self.record)
+        return self.simulation.energy() if self.told is None else cast(Energies, self.told.energies)
 
 
 class Simulation(Motion):
@@ -142,7 +146,7 @@ class Simulation(Motion):
         """Set a state that has been checked, wherever pins hold."""
         u = self._inside(x) - self.system.world(np.zeros_like(x))
         self.system.set_motion(u, self._inside(v))
-        self.half_step_lag = 0.0  # the velocities are the present ones
+        self.half_step_lag, self.center_due = 0.0, 0.0  # the velocities are the present ones
         self.limit.moved()
         self.look_for_contact()
         if self.guard is not None:
@@ -165,23 +169,12 @@ class Simulation(Motion):
 
     def energy(self) -> Energies:
         """Energies [J] in the present state; None for what is not measured (see `ledger`)."""
-        return self.energy_of(None)
+        self.refresh()
+        return cast(Energies, entries_of(self.account, self.energies()))
 
-    def energy_of(self, record: Floats | None) -> Energies:
-        """The same of the frame with a record."""
-        if record is None:
-            self.refresh()
-            table = self.energies()
-        else:
-            table = energy_table(self.system, record[0], self.gravity_now)
-        entries: Any = {**table, "dissipated": None, "external_work": None, "error": None}
-        if self.account is not None:
-            entries = self.account.entries_at(table, None if record is None else record[0, RUNNING])
-        return cast(Energies, entries)
-
-    def probe_positions(self, record: Floats | None = None) -> Floats:
-        """World positions of the scene's probes [m], shape (probes, 3), now or in a record."""
-        u = self.system.probe_motion()[0] if record is None else record[1:, :3]
+    def probe_positions(self) -> Floats:
+        """World positions of the scene's probes [m], shape (probes, 3)."""
+        u, _ = self.system.probe_motion()
         return places_of(self.probed, self.system.probe_origins() + u)
 
     @property
@@ -268,9 +261,9 @@ class Simulation(Motion):
         """
         run(self, entering.frames_in(seconds, self.scene), entering.observers_of(observers))
 
-    def told(self, index: int, record: Floats) -> Frame:
-        """A frame of those just made together: the last is the present one."""
-        return Frame(self, index, self.time_of(index), record if index < self.frame else None)
+    def told(self, index: int, told: Told | None) -> Frame:
+        """A frame of those just made, with what is told of it."""
+        return Frame(self, index, self.time_of(index), told)
 
     # -- checkpoints ---------------------------------------------------------------------------
 

@@ -11,7 +11,7 @@ from tisoft.geometry.solid import quadratic
 from tisoft.model.part import parts_of
 
 MESH = ts.box((1.0, 0.3, 0.2), (3, 1, 1))
-LAW = ts.ViscoElastic(1e6, 0.4, 1000.0)
+LAW = ts.ViscoElastic(1e6, 0.4, 1000.0, phi=70.0, eta=30.0)
 
 
 def part_of(mesh):
@@ -33,6 +33,7 @@ def test_operators_are_those_of_the_elements_to_rounding():
     assert same(apart.stiffness_times(w, u), whole.stiffness_times(w, u))
     assert same(apart.stiffness(u).toarray(), whole.stiffness(u).toarray())
     assert same(apart.stiffness_blocks(u), whole.stiffness_blocks(u))
+    assert same(apart.viscosity_times(w, u), whole.viscosity_times(w, u))
 
 
 def test_quadratic_tets_derive_from_one_energy_and_start_from_hookes_law():

@@ -145,8 +145,12 @@ class Elastic:
         return assembly.consistent_mass(self.part)
 
 
+Operators = Elastic | Pointwise | AtRest
+"""What computes K w and C w of one body."""
+
+
 def operators_of(part: Part) -> Elastic | Pointwise:
-    """What statics computes one body with: kernels of its elements, or of its law alone."""
+    """What computes one body, deformed: kernels of its elements, or of its law alone."""
     plain = part
     if part.is_tensor:
         plain = parts_of([plain_body(part.body)])[0]

@@ -1,6 +1,6 @@
-"""Operators of tets whose law is looked at point by point: f(u), K(u), V(u), in f64.
+"""Operators of tets whose law is looked at point by point: f(u), K(u), C(u), V(u), in f64.
 
-    H = D u,   f = −Dᵀ (V P(H)),   K = Dᵀ (V ∂P/∂F) D,   V(u) = Σ V Ψ(H)
+    H = D u,   f = −Dᵀ (V P(H)),   K = Dᵀ (V ∂P/∂F) D,   C = Dᵀ (V ∂P_v/∂Ḣ) D,   V(u) = Σ V Ψ(H)
 
 D, which holds ∇N of all points, is a sparse matrix; only the law is a kernel, so that an element of
 ten nodes compiles no longer than one of four.
@@ -49,9 +49,11 @@ class Pointwise:
         self._columns = self._rows.T.tocsr()
         self._volumes = np.concatenate([share.volumes.ravel() for share in shares])
         self._material = np.concatenate([share.material for share in shares])
+        self._viscous = np.concatenate([share.viscous for share in shares])
         self._pattern = assembly.Pattern(self.nodes, [cells.nodes for cells in part.solids])
         self._u = np.zeros((self.nodes, 3))
-        self._tangents: Floats | None = None
+        self._slopes: dict[str, Floats] = {}
+        """∂P/∂F ("tangent") and ∂P_v/∂Ḣ ("rate") of the points at u, shape (points, 9, 9)."""
 
     @property
     def is_finite(self) -> bool:
@@ -65,7 +67,8 @@ class Pointwise:
     def _at_points(self, what: str, H: Floats, width: int) -> Floats:
         out = np.empty((len(H), width))
         rows = np.ascontiguousarray(H.reshape(-1, 9))
-        _kernel(self.law, what, self._material.shape[1])(rows, self._material, out)
+        material = self._viscous if what == "rate" else self._material
+        _kernel(self.law, what, material.shape[1])(rows, material, out)
         return out
 
     def _spread(self, stresses: Floats) -> Floats:
@@ -75,15 +78,17 @@ class Pointwise:
 
     def look(self, u: Floats) -> None:
         """Choose the state u of the products that follow."""
-        if self._tangents is None or not np.array_equal(u, self._u):
-            self._u, self._tangents = u.copy(), None
+        if not self._slopes or not np.array_equal(u, self._u):
+            self._u, self._slopes = u.copy(), {}
 
-    def _tangent(self) -> Floats:
-        """∂P/∂F of the points at the state looked at, shape (points, 9, 9)."""
-        if self._tangents is None:
+    def _slope(self, what: str) -> Floats:
+        if what not in self._slopes:
             H = self._gradient(self._u)
-            self._tangents = self._at_points("tangent", H, 81).reshape(-1, 9, 9)
-        return self._tangents
+            self._slopes[what] = self._at_points(what, H, 81).reshape(-1, 9, 9)
+        return self._slopes[what]
+
+    def _times(self, what: str, w: Floats) -> Floats:
+        return self._spread(np.matmul(self._slope(what), self._gradient(w).reshape(-1, 9, 1)))
 
     def force(self, u: Floats) -> Floats:
         """Elastic forces f(u) = −∂V/∂u [N], shape (nodes, 3)."""
@@ -93,8 +98,13 @@ class Pointwise:
         """K(u) w [N], shape (nodes, 3); without u, at the state looked at."""
         if u is not None:
             self.look(u)
-        G = self._gradient(w).reshape(-1, 9, 1)
-        return self._spread(np.matmul(self._tangent(), G))
+        return self._times("tangent", w)
+
+    def viscosity_times(self, w: Floats, u: Floats | None = None) -> Floats:
+        """C(u) w [N] of φ and η (point damping left out), shape (nodes, 3)."""
+        if u is not None:
+            self.look(u)
+        return self._times("rate", w)
 
     def energy(self, u: Floats) -> float:
         """Elastic energy V(u) [J]."""
@@ -108,7 +118,7 @@ class Pointwise:
     def stiffness(self, u: Floats) -> sparse.csc_matrix:
         """K(u) [N/m] as a sparse matrix, unknown 3 node + axis."""
         self.look(u)
-        tangents, begun, matrices = self._tangent(), 0, []
+        tangents, begun, matrices = self._slope("tangent"), 0, []
         for share in self._shares:
             count = share.volumes.size
             matrices.append(share.matrices(tangents[begun : begun + count]))
@@ -135,6 +145,7 @@ class _Share:
         self.volumes = np.asarray(whole, np.float64)
         numbers = np.array(law.constants(*cells.elastic), np.float64)
         self.material = np.tile(numbers, (self.volumes.size, 1))
+        self.viscous = np.tile(np.array(cells.viscous, np.float64), (self.volumes.size, 1))
 
     def slopes(self, nodes: int) -> sparse.csr_matrix:
         """D of these cells, shape (3 points, nodes): row 3 q + j has ∂N/∂x_j."""

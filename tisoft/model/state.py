@@ -16,11 +16,10 @@ from tisoft.obstacles.base import VELOCITY
 
 CHUNK = 1024
 """Nodes whose energies are added up one after the other: sums do not depend on threads."""
-RECORD = 16
+RECORD = 11
 """Columns of a record: T [J], Σ m u (3) [kg m], elastic energy, dissipated energy, external work
-[J], |u|² + |v|² (finite or not), and
-room for the account up to then (2) [J], power, contact's and friction's share of what is dissipated
-[J], room for those up to then (2); of a probe: u (3) [m], v (3) [m/s]."""
+[J], |u|² + |v|² (finite or not), power, contact's and friction's share of what is dissipated [J];
+of a probe: u (3) [m], v (3) [m/s]."""
 FRAMES = 64
 """Frames that a launch may make and record."""
 
@@ -35,14 +34,14 @@ HELD_MEANS = 19
 """Column of `State.ranges`: first row of `Means`, then one past the last."""
 ORDERS = (
     FIRST, LAST, PASSES, THREADS, LOADED, DONE, TRIPPED, PROBES, PROBE, RECORDS, CHUNKS, TASK,
-    REACHED, HAND, HELD,
-) = tuple(range(15))  # fmt: skip
-"""Columns of `State.orders`."""
+    REACHED, HAND, HELD, TELLS,
+) = tuple(range(16))  # fmt: skip
+"""Columns of `State.orders`; TELLS: whether stretches record the elastic energy."""
 MOVE, SUM, PUSH = range(3)
 """Tasks of a launch: make substeps; sum up the present state; leave its forces in the copies."""
-POWER = 11
+POWER = 8
 """Column of a record: v·f [W] of elements and gravity, where the task is SUM."""
-TOUCHED = 12
+TOUCHED = 9
 """Columns of a record from here on: contact's and friction's share of what is dissipated."""
 TOUCH_SCENE = 14
 """Column of `State.ranges`: the scene's row of contact's fields."""

@@ -80,7 +80,7 @@ class WholeFrames:
         self.is_whole = False
         self._tell("on_frame", frame)
         # Of frames made together the state is that of the last.
-        if frame.index == frame.simulation.frame and (stop := stops.asked()) is not None:
+        if frame.is_present and (stop := stops.asked()) is not None:
             self.is_whole = True
             raise stop
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft.equilibrium.at_rest import AtRest
-from tisoft.equilibrium.operators import Elastic
+from tisoft.equilibrium.operators import Operators, operators_of
 from tisoft.model.part import Part
 from tisoft.model.system import System
 from tisoft.stable.bound import NO_LIMIT, limits_at_rest, make_look
@@ -97,7 +97,7 @@ class StepLimit:
             pairs = zip(self._sharp, self._rest_bounds, before, strict=True)
             solid, net = (s if now == old else s * now / old for s, now, old in pairs)
             self._sharp = solid, net
-        self._elastic: dict[int, Elastic] = {}
+        self._elastic: dict[int, Operators] = {}
         self._reference: tuple[float, float] | None = None
         self._held = np.inf
         self._window_start, self._window_least = 0, np.inf
@@ -169,7 +169,7 @@ class StepLimit:
         if at_rest and 0 < part.elements <= ASSEMBLED:
             return AtRest(part)
         if part.index not in self._elastic:
-            self._elastic[part.index] = Elastic(part)
+            self._elastic[part.index] = operators_of(part)
         return self._elastic[part.index]
 
     def _sharp_at_rest(self) -> tuple[float, float]:

@@ -22,7 +22,7 @@ from scipy.linalg import eigh
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh, splu
 
 from tisoft.equilibrium.one_thread import one_thread
-from tisoft.equilibrium.operators import Elastic
+from tisoft.equilibrium.operators import Operators, operators_of
 from tisoft.model.part import Part
 from tisoft.model.system import System
 from tisoft.stable.bound import longest_step
@@ -63,10 +63,10 @@ def sharp_step(system: System, *, integrator: str, u: Floats | None = None) -> f
 
 @one_thread()
 def sharp_limit(
-    part: Part, *, integrator: str, u: Floats | None = None, elastic: Elastic | None = None
+    part: Part, *, integrator: str, u: Floats | None = None, elastic: Operators | None = None
 ) -> SharpLimit:
     """The stable limit of one body and the shape that sets it; `elastic` spares making it anew."""
-    elastic = elastic or Elastic(part)
+    elastic = elastic or operators_of(part)
     products = 0
     here = np.zeros((elastic.nodes, 3)) if u is None else np.asarray(u, dtype=np.float64)
     factor = INTEGRATORS[integrator].damping_factor
@@ -111,7 +111,7 @@ def _start_vector(nodes: int) -> Floats:
 class _Mass:
     """M and M⁻¹ on the free axes of a body; held axes (for good) stay 0."""
 
-    def __init__(self, part: Part, elastic: Elastic) -> None:
+    def __init__(self, part: Part, elastic: Operators) -> None:
         self.free = np.ones((elastic.nodes, 3), bool)
         for pin in part.body.pins:
             if pin.release is None:

@@ -18,11 +18,6 @@ KEPT = ("start", "dissipated", "external_work", "contact", "friction")
 """What a checkpoint keeps."""
 
 
-RUNNING = [8, 9, 14, 15]
-"""Columns of a record that take the account up to then: dissipated, external work, contact and
-friction."""
-
-
 class Account:
     """Adds up what the substeps note down.
 
@@ -58,7 +53,7 @@ class Account:
         self.friction += float(friction)
 
     def sums(self) -> list[float]:
-        """What has been added up [J], in the order of RUNNING."""
+        """What has been added up [J]: dissipated energy, external work, contact, friction."""
         return [self.dissipated, self.external_work, self.contact, self.friction]
 
     def state(self) -> dict[str, float]:
@@ -70,10 +65,9 @@ class Account:
         for key in KEPT:
             setattr(self, key, float(state.get(key, 0.0)))  # older ones know no contact
 
-    def entries_at(self, table: dict[str, float], sums: Any = None) -> dict[str, Any]:
-        """The account [J] of a moment with the energies `table` and these `sums`; None: now."""
-        now = self.sums() if sums is None else sums
-        dissipated, external_work, contact, friction = (float(value) for value in now)
+    def entries(self, table: dict[str, float]) -> dict[str, Any]:
+        """The account [J], with the energies `table` of the present state."""
+        dissipated, external_work, contact, friction = self.sums()
         touched = {"contact": contact, "friction": friction} if self.touches else {}
         error = sum(table.values()) + dissipated - external_work - self.start
         return {

@@ -17,7 +17,6 @@ from tisoft.model.state import (
     MOVE,
     PASSES,
     PUSH,
-    SUM,
     TASK,
     TOUCH,
     TRIPPED,
@@ -99,7 +98,7 @@ def make_advance(s: Any) -> Any:
         for k in ti.static(range(len(s.blocks))):
             begin, end = s.state.ranges[scene, 2 + 2 * k], s.state.ranges[scene, 3 + 2 * k]
             for part in range(begin, end):
-                if s.ledger or s.state.orders[scene, TASK] == SUM:
+                if record.tells_energy(s, scene):
                     s.blocks[k].energy[part] = record.part_energy(s.blocks[k], s.state, part)
 
     @ti.kernel

@@ -17,13 +17,22 @@ from numpy.typing import NDArray
 
 from tisoft.model.system import System
 
+STORED = ("kinetic", "elastic", "gravity")
+
+
+def energy_tables(
+    system: System, sums: NDArray[np.float64], gravity: Any
+) -> list[dict[str, float]]:
+    """Kinetic, elastic and gravity energy [J] of states with these sums, shape (n, RECORD): all
+    reckoned from the bodies' present origins.
+    """
+    g = np.asarray(gravity, np.float64)
+    shifted = sum(p.mass.sum() * (p.shift @ g) for p in system.parts if p.shift.any())
+    moved = sums[:, 1] * g[0] + sums[:, 2] * g[1] + sums[:, 3] * g[2] + shifted
+    rows = zip(sums[:, 0].tolist(), sums[:, 4].tolist(), (0.0 - moved).tolist(), strict=True)
+    return [dict(zip(STORED, row, strict=True)) for row in rows]
+
 
 def energy_table(system: System, record: NDArray[np.float64], gravity: Any) -> dict[str, float]:
-    """Kinetic, elastic and gravity energy [J] from a record of sums (`record`)."""
-    g = np.asarray(gravity, np.float64)
-    moved = record[1:4] @ g + sum(p.mass.sum() * (p.shift @ g) for p in system.parts)
-    return {
-        "kinetic": float(record[0]),
-        "elastic": float(record[4]),
-        "gravity": 0.0 - float(moved),
-    }
+    """The same of one state."""
+    return energy_tables(system, record[None], gravity)[0]

@@ -4,8 +4,9 @@
     T = Σ m |v|²/2   (consistent mass: vᵀM v/2),   Σ m u,   W = Σ V Ψ + Σ k e²/2,   Σ v·f
 
 Nodes are summed in chunks and elements in parts, each by one thread; then one thread adds chunks
-and parts up in order.  W is computed where a ledger is kept, or where that is the launch's task,
-with the power v·f of the elements' forces and gravity.
+and parts up in order.  W is computed where a ledger is kept, where frames are told from their
+records (TELLS), and where it is the launch's task, with the power v·f of the elements' forces and
+gravity.
 """
 
 import taichi as ti
@@ -23,6 +24,7 @@ from tisoft.model.state import (
     RECORDS,
     SUM,
     TASK,
+    TELLS,
     TOUCHED,
     TRIPPED,
 )
@@ -87,6 +89,13 @@ def sum_chunk(s: ti.template(), scene, chunk):
 
 
 @ti.func
+def tells_energy(s: ti.template(), scene):
+    """Whether W is asked for."""
+    asked = s.state.orders[scene, TASK] == SUM or s.state.orders[scene, TELLS] == 1
+    return s.ledger or asked
+
+
+@ti.func
 def part_energy(block: ti.template(), state: ti.template(), part):
     """Elastic energy of a part [J]."""
     total = ti.cast(0.0, state.wide)
@@ -102,7 +111,7 @@ def sum_up(s: ti.template(), scene, t, threads):
     chunks = (high - low + CHUNK - 1) // CHUNK
     for chunk in range(chunks * t // threads, chunks * (t + 1) // threads):
         sum_chunk(s, scene, chunk)
-    if s.ledger or s.state.orders[scene, TASK] == SUM:
+    if tells_energy(s, scene):
         for k in ti.static(range(len(s.blocks))):
             begin, end = s.state.ranges[scene, 2 + 2 * k], s.state.ranges[scene, 3 + 2 * k]
             size = end - begin
@@ -125,7 +134,7 @@ def write(s: ti.template(), scene, number):
         for chunk in range(first, first + (high - low + CHUNK - 1) // CHUNK):
             total += s.state.sums[chunk, c]
         s.state.record[row, c] = total
-    if s.ledger or s.state.orders[scene, TASK] == SUM:
+    if tells_energy(s, scene):
         total = ti.cast(0.0, s.state.wide)
         for k in ti.static(range(len(s.blocks))):
             for part in range(s.state.ranges[scene, 2 + 2 * k], s.state.ranges[scene, 3 + 2 * k]):

@@ -94,6 +94,8 @@ class Stepper:
         """Whether loads and pressures act."""
         self.tripped = False
         """Whether the last launch ended early."""
+        self.tells = False
+        """Whether stretches record the elastic energy, for who tells frames from records."""
         self.schedule = schedule
         self.structure = Structure(
             system.state,
@@ -155,6 +157,7 @@ class Stepper:
         ):
             self.system.order("settings", name, float(value))
         self.system.order("orders", columns.LOADED, int(self.loaded))
+        self.system.order("orders", columns.TELLS, int(self.tells))
         # A stretch cut into launches gives the bits of one launch: velocity Verlet's last pass only
         # closes the last substep.
         passes = substeps + (self.integrator.closing_passes if substeps else 0)
