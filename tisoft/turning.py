@@ -42,3 +42,12 @@ class Turn:
         # 1 - cos by the half angle, so that small turns keep their digits.
         bend = 2.0 * math.sin(0.5 * angle) ** 2
         return math.sin(angle) * np.cross(axis, arm) + bend * np.cross(axis, np.cross(axis, arm))
+
+
+def rodrigues(frames: Points) -> Points:
+    """Modified Rodrigues parameters of rotations, shape (n, 3, 3): shape (n, 3)."""
+    # SciPy takes a quarter of a second to import it, and few scenes turn boxes.
+    from scipy.spatial.transform import Rotation
+
+    made: Points = Rotation.from_matrix(frames).as_mrp()
+    return made

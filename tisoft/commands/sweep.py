@@ -43,17 +43,25 @@ def add_workers(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def begin_workers(options: argparse.Namespace) -> None:
+    """Refuse wrong numbers, and let the workers import while this process reads the scene."""
+    if options.workers is not None and options.workers < 1:
+        raise SceneError(f"--workers is {options.workers}; give a number of processes, as 2")
+    if options.workers is not None and options.scheduler is not None:
+        raise SceneError("--workers and --scheduler exclude each other; give one of them")
+    from tisoft.sweeping.cluster import prepare
+
+    prepare(options.workers)
+
+
 def execute(options: argparse.Namespace) -> int:
     """Run the rows and report."""
+    begin_workers(options)
     from tisoft.sweeping.cluster import threads_for
     from tisoft.sweeping.plan import axes_of_file, axis_of, plan_of
     from tisoft.sweeping.sweep import jobs_of, run_jobs
     from tisoft.sweeping.table import CSV, JOURNAL, PARQUET
 
-    if options.workers is not None and options.workers < 1:
-        raise SceneError(f"--workers is {options.workers}; give a number of processes, as 2")
-    if options.workers is not None and options.scheduler is not None:
-        raise SceneError("--workers and --scheduler exclude each other; give one of them")
     axes = []
     for text in options.over:
         is_file = text.endswith(".toml") and "=" not in text

@@ -16,7 +16,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from tisoft import checks
 from tisoft.checks import Vector, keep_number, put
@@ -24,7 +23,7 @@ from tisoft.geometry.moving import rotation
 from tisoft.live import frozen
 from tisoft.moving import check_motion, pose
 from tisoft.obstacles.base import FRAME, NUMBERS, Corners
-from tisoft.turning import Turn
+from tisoft.turning import Turn, rodrigues
 
 Floats = NDArray[np.float64]
 
@@ -83,7 +82,7 @@ class Box:
         out[:, :3] = turned @ np.array(self.center) + way - origin
         out[:, 3:6] = 0.5 * np.array(self.size)
         if self.turn is not None or any(self.rotate):
-            out[:, FRAME:] = Rotation.from_matrix(turned @ self.frame).as_mrp()
+            out[:, FRAME:] = rodrigues(turned @ self.frame)
         return out
 
     @staticmethod

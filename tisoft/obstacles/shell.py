@@ -20,7 +20,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from tisoft import checks
 from tisoft.checks import FieldError, keep_number, put
@@ -31,7 +30,7 @@ from tisoft.geometry.surface import closed, read_surface
 from tisoft.live import frozen
 from tisoft.moving import check_motion, pose
 from tisoft.obstacles.base import FRAME, NUMBERS, Corners
-from tisoft.turning import Turn
+from tisoft.turning import Turn, rodrigues
 
 Floats = NDArray[np.float64]
 FAR = 1e30
@@ -87,7 +86,7 @@ class Shell:
         out = np.zeros((len(way), NUMBERS))
         out[:, :3] = turned @ self.middle + way - origin
         if self.turn is not None:
-            out[:, FRAME:] = Rotation.from_matrix(turned).as_mrp()
+            out[:, FRAME:] = rodrigues(turned)
         return out
 
     @staticmethod

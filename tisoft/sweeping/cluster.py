@@ -7,12 +7,16 @@ job computed again elsewhere.
 from __future__ import annotations
 
 import logging
+import multiprocessing
 import os
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
+from tisoft import stops
 from tisoft.errors import SceneError
 
 PATIENCE = 10.0
@@ -25,7 +29,25 @@ QUIET = {
     "distributed.scheduler.allowed-failures": RETRIES,
     "distributed.comm.timeouts.connect": f"{PATIENCE}s",
     "distributed.comm.retry.count": 0,
+    # What wakes a worker beside its row takes Python's lock from the row.
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "5s",
+    "distributed.worker.memory.monitor-interval": "1s",
 }
+
+
+def prepare(workers: int | None) -> None:
+    """Begin to import what workers need, in a process that they are then copies of, while this one
+    reads the scene; only Linux copies processes safely.
+    """
+    if workers is None or sys.platform != "linux" or find_spec("distributed") is None:
+        return
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["tisoft.sweeping.imported"])
+    # This begins a process too, and lets signals in again when it does.
+    import_module("multiprocessing.resource_tracker").ensure_running()
+    with stops.kept_back():
+        import_module("multiprocessing.forkserver").ensure_running()
 
 
 def each(
@@ -83,7 +105,8 @@ def client_of(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         problem = "several workers need Dask, which is not installed"
         raise SceneError(f'{problem}; install it with: pip install "tisoft[cluster]"') from None
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    with dask.config.set(QUIET):
+    method = "forkserver" if sys.platform == "linux" else "spawn"
+    with dask.config.set(QUIET | {"distributed.worker.multiprocessing-method": method}):
         if scheduler is not None:
             try:
                 client = distributed.Client(scheduler, timeout=PATIENCE)
@@ -93,14 +116,28 @@ def client_of(workers: int | None, scheduler: str | None) -> Iterator[Any]:
             with client:
                 yield client
             return
-        with (
-            distributed.LocalCluster(
+        with stops.held():
+            cluster = distributed.LocalCluster(
                 n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None,
                 silence_logs=logging.CRITICAL,
-            ) as cluster,
-            distributed.Client(cluster) as client,
-        ):  # fmt: skip
+            )  # fmt: skip
+            client = distributed.Client(cluster)
+        try:
             yield client
+        finally:
+            with stops.held():
+                _end(cluster, client)
+
+
+def _end(cluster: Any, client: Any) -> None:
+    """End the workers at once: what they still compute is not wanted."""
+    for nanny in cluster.workers.values():
+        nanny.auto_restart = False
+    for child in multiprocessing.active_children():
+        if child.name.startswith("Dask Worker"):
+            child.kill()
+    client.close()
+    cluster.close()
 
 
 def threads_for(workers: int | None) -> int | None:

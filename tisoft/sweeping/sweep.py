@@ -75,6 +75,7 @@ def sweep(
         checks.integer("workers", workers, least=1)
     if scheduler is not None:
         checks.name("scheduler", scheduler.replace("/", "") if isinstance(scheduler, str) else 0)
+    cluster.prepare(workers)
     plan = plan_of(axes_of(over), random=random, seed=seed)
     jobs = jobs_of(scene, plan, threads=cluster.threads_for(workers))
     folder = None if output is None else checks.path("output", output, "a folder")
