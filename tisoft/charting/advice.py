@@ -23,6 +23,8 @@ SMALL_TURN = math.radians(2.0)
 SECONDS = 8.5
 """Budget of one piece of advice [s of computing]."""
 
+CUT_SHORT = "it was interrupted: variants that were not looked at yet may be better"
+
 
 @dataclass(frozen=True)
 class Advice:
@@ -90,6 +92,23 @@ def advise(
     Raises:
         SceneError: a tolerance that the precision cannot keep; no variants, or no ruler.
     """
+    survey = survey_for(
+        scene, tolerance, settings=settings, bodies=bodies, same_probes=same_probes, tick=tick
+    )
+    measure(survey, tolerance)
+    return advice_of(survey, tolerance)
+
+
+def survey_for(
+    scene: str | Path | Scene,
+    tolerance: float,
+    *,
+    settings: Sequence[str] = (),
+    bodies: Sequence[int] | None = None,
+    same_probes: bool = False,
+    tick: Callable[[str], Any] = lambda name: None,
+) -> Survey:
+    """What advice rests on, nothing asked yet; arguments and errors are those of `advise`."""
     tolerance = checks.number("tolerance", tolerance)
     if not 0.0 < tolerance < 1.0:
         raise SceneError(f"tolerance is {tolerance:g}; give a relative error, as 0.02 for 2 %")
@@ -102,17 +121,32 @@ def advise(
             f"tolerance is {tolerance:g}, below what {survey.scene.precision} keeps ({least:g}); "
             'give a larger one, or precision = "f64"'
         )
+    return survey
+
+
+def measure(survey: Survey, tolerance: float) -> None:
+    """Ask what the choice needs."""
     survey.measure(others=False)
     choice = Chart(survey.judged()).least(tolerance)
     turn = (survey.asking.known("static", survey.catalogue.current) or {}).get("turn")
     if choice is not None and turn is not None and turn < SMALL_TURN:
         survey.ask_linear(choice.name)
-    return _advice(survey, Chart(survey.judged(), survey.warnings), tolerance)
 
 
-def _advice(survey: Survey, chart: Chart, tolerance: float) -> Advice:
+def advice_of(survey: Survey, tolerance: float, *, whole: bool = True) -> Advice:
+    """The choice from what was measured.
+
+    Args:
+        survey: what was asked.
+        tolerance: relative error that is allowed.
+        whole: whether all was asked that there was time for.
+    """
+    return _advice(survey, Chart(survey.judged(), survey.warnings), tolerance, whole)
+
+
+def _advice(survey: Survey, chart: Chart, tolerance: float, whole: bool) -> Advice:
     choice, now = chart.least(tolerance), chart.current
-    reserves = []
+    reserves = [] if whole else [CUT_SHORT]
     if choice is None:
         choice = min(chart.variants, key=lambda v: v.worst.most)
         reserves.append(_short_of(survey, choice, tolerance))

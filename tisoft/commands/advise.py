@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from tisoft import stops
 from tisoft.commands import common
 from tisoft.folders import check_free
 from tisoft.whole_files import as_json, write_text
@@ -32,22 +33,55 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     """Judge the variants and tell the choice."""
-    from tisoft.charting.advice import advise
-    from tisoft.charting.written import as_toml, moved_document
+    from tisoft.charting.advice import advice_of, measure, survey_for
 
     settings = common.settings_of(options)
     if options.output:
         check_free(Path(options.output))
-    found = advise(options.scene, options.tolerance, settings=settings)
+    survey = survey_for(options.scene, options.tolerance, settings=settings)
+    try:
+        measure(survey, options.tolerance)
+    except KeyboardInterrupt as stop:
+        stops.settled()
+        return _interrupted(options, survey, stop)
+    found = advice_of(survey, options.tolerance)
     if options.output:
-        target = Path(options.output)
-        document = moved_document(options.scene, (*settings, *found.choice.settings), target)
-        write_text(target, as_toml(document))
+        _write(options, (*settings, *found.choice.settings))
     if options.json:
         print(as_json(found.result()))
     elif not options.quiet:
         _tell(options, found)
+        if options.output:
+            print(f"the scene so changed is {options.output}")
     return 0
+
+
+def _write(options: argparse.Namespace, settings: tuple[str, ...]) -> None:
+    from tisoft.charting.written import as_toml, moved_document
+
+    target = Path(options.output)
+    write_text(target, as_toml(moved_document(options.scene, settings, target)))
+
+
+def _interrupted(options: argparse.Namespace, survey: Any, stop: KeyboardInterrupt) -> int:
+    """Tell what is known so far; no scene is written."""
+    from tisoft.charting.advice import advice_of
+    from tisoft.charting.known import rows_of, sentence
+
+    if survey.judged():
+        found = advice_of(survey, options.tolerance, whole=False)
+        if options.json:
+            print(as_json(found.result() | {"status": "interrupted"}))
+        elif not options.quiet:
+            _tell(options, found)
+    elif options.json:
+        known = {"status": "interrupted", "known": rows_of(survey), "warnings": survey.warnings}
+        print(as_json(known))
+    elif not options.quiet and (told := sentence(survey)):
+        print(told)
+    missing = f"; {options.output} is not written" if options.output else ""
+    print(f"tisoft: error: interrupted{missing}", file=sys.stderr)
+    return int(getattr(stop, "exit_code", 130))
 
 
 def _tell(options: argparse.Namespace, found: Any) -> None:
@@ -64,5 +98,3 @@ def _tell(options: argparse.Namespace, found: Any) -> None:
         print("This is not certain:", file=sys.stderr)
     for warning in found.warnings:
         print(f"tisoft: warning: {warning}", file=sys.stderr)
-    if options.output:
-        print(f"the scene so changed is {options.output}")

@@ -89,7 +89,7 @@ def _finish(
         chart = chart_of(survey, survey.budget / options.budget)
     except SceneError:
         if stop is not None:
-            raise stop from None
+            return _tell_known(options, survey, folder, stop)
         raise
     _write(survey, chart, folder.path, Path(options.scene).name, ends)
     result = chart.result()
@@ -107,6 +107,34 @@ def _finish(
         print("tisoft: error: interrupted; what was done is charted", file=sys.stderr)
         return int(getattr(stop, "exit_code", 130))
     return 0
+
+
+def _tell_known(
+    options: argparse.Namespace, survey: Any, folder: ResultFolder, stop: KeyboardInterrupt
+) -> int:
+    """Interrupted before two variants could be compared: keep and tell what is known of each."""
+    from tisoft.charting.known import rows_of, sentence
+    from tisoft.sweeping.table import write_csv
+
+    rows = rows_of(survey)
+    if not rows:
+        raise stop
+    told = [found] if (found := sentence(survey)) else []
+    result = {"status": "interrupted", "sentences": told, "known": rows}
+    result["warnings"] = survey.warnings
+    write_text(folder.path / "chart.json", as_json(result) + "\n")
+    write_csv(folder.path / "chart.csv", rows)
+    folder.state = "interrupted"
+    if options.json:
+        print(as_json(result))
+    elif not options.quiet:
+        print("\n".join(told))
+    print(
+        f"tisoft: error: interrupted before two variants could be compared; what is known of "
+        f"{len(rows)} is in {options.output}/chart.csv, and the same command goes on from there",
+        file=sys.stderr,
+    )
+    return int(getattr(stop, "exit_code", 130))
 
 
 def _workers(options: argparse.Namespace) -> dict[str, Any] | None:
