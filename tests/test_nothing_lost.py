@@ -317,5 +317,5 @@ def start(arguments, *, resume):
 
 @pytest.mark.slow
 def test_run_killed_at_random_moments_goes_on(tmp_path):
-    kills = 4 * int(os.environ.get("TISOFT_THOROUGH", "1"))
+    kills = 3 * int(os.environ.get("TISOFT_THOROUGH", "1"))
     killed_many_times(tmp_path, kills, seed=int(os.environ.get("TISOFT_SEED", "2")))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from tisoft.errors import SceneError
+from tisoft.wrapping import keep_wrapped_lines
 
 ARCHS = ("cpu", "cuda", "metal", "vulkan", "auto")
 
@@ -32,6 +33,7 @@ def import_taichi() -> Any:
                 "install it with: apt-get install -y libx11-6"
             ) from None
         raise
+    keep_wrapped_lines()
     return taichi
 
 
