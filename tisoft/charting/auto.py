@@ -12,12 +12,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tisoft import checks
-from tisoft.charting.advice import Advice, advise
 from tisoft.checks import inside
 from tisoft.scene_file import document_of
+
+if TYPE_CHECKING:
+    from tisoft.charting.advice import Advice
 
 TOLERANCE = 0.02
 SOLID = "viscoelastic"
@@ -56,6 +58,8 @@ def settled(path: str | Path, settings: Sequence[str], known: Any = None) -> Set
     own = [i for i, b in enumerate(bodies) if isinstance(b, dict) and b.get("model") == "auto"]
     if not own:
         return Settled(list(settings))
+    from tisoft.charting.advice import advise  # only here: a run without it starts sooner
+
     tolerances = []
     for i in own:
         with inside(f"body[{i}]"):
