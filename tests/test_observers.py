@@ -5,7 +5,8 @@ import pytest
 
 import tisoft as ts
 from tisoft.check.limiting import damping_cost, limiting_element, metres
-from tisoft.check.warnings import compression, depth_inside, elements_through, warnings_of
+from tisoft.check.warnings import compression, elements_through, warnings_of
+from tisoft.depth import depth_inside
 from tisoft.observers.film import Film
 from tisoft.observers.framing import Survey, camera_of, ground_of, room_of, up_of
 from tisoft.observers.quantities import node_values, virial_stress

@@ -28,6 +28,7 @@ from tisoft.stable.guard import Guard
 from tisoft.step.grab import Grab
 from tisoft.step.pins import SAME_TIME
 from tisoft.told import Told, told_of
+from tisoft.touch.easing import set_left
 
 Floats = NDArray[np.float64]
 
@@ -299,6 +300,8 @@ class Motion(Present):
     def stretches(self, count: int, substeps: int, step: float, most_kinetic: float) -> int:
         """Make bare stretches; returns how many were made (see `Stepper.stretches`)."""
         before = self.steps[-1] if self.steps and not self.remade else step
+        if self._easing is not None and self.touching is not None:
+            set_left(self.touching, self._easing, self.time)
         self.schedule.begin(
             self.time,
             substeps,

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from tisoft import runtime
 from tisoft.checks import inside
-from tisoft.depth import depth_inside
 from tisoft.equilibrium.damping import damped_body
 from tisoft.errors import SceneError
 from tisoft.followed import Kept
@@ -26,6 +25,7 @@ from tisoft.model.system import System
 from tisoft.moving import STILL, moves
 from tisoft.obstacles import OBSTACLES
 from tisoft.obstacles.base import NUMBERS
+from tisoft.pushing import depths_of, push_time
 from tisoft.scene import Scene
 from tisoft.stable.guard import Recovery
 from tisoft.stable.limit import StepLimit
@@ -37,14 +37,15 @@ from tisoft.step.observe import energy_table
 from tisoft.step.pins import Holder
 from tisoft.step.schedule import Acting, Schedule, obstacle_signal
 from tisoft.step.stepper import Rules, Stepper
+from tisoft.touch import easing
+from tisoft.touch.overlap import stuck
+from tisoft.touch.starts import unseen
 from tisoft.touch.touching import stands, touching_of
 
 Floats = NDArray[np.float64]
 
 AGAIN = 32
 """Substeps after which the stable step is looked at again, at the end of a frame."""
-PUSH_STEPS = 32
-"""Stable steps, for each node through a body, in which an obstacle pushes it out."""
 OUT = 1e-6
 """Depth, as a share of a body's size, that contact puts out at once."""
 
@@ -84,7 +85,11 @@ class Present:
         self.next_look = 1
         """Substeps after which it is to be looked at again."""
         self.pushes = [STILL] * len(scene.bodies)
-        """Speed [m/s] at which obstacles push each body out; STILL where it is not inside."""
+        """Speed [m/s] at which obstacles push each body's nodes out; STILL where none is inside."""
+        self._easing: easing.Easing | None = None
+        """What of surfaces is pushed out of what."""
+        self.unplaced = False
+        """Whether bodies or obstacles have been put elsewhere since that was looked at."""
         self.remade = False
         """Whether materials have changed since the last substep: the kick that leads from one step
         to another is of forces that both know."""
@@ -134,6 +139,7 @@ class Present:
         self._set_inputs()
         self.limit.follow()
         self.stepper.compile()
+        self._ease()
         if ledger:
             self.open_account()
 
@@ -232,7 +238,7 @@ class Present:
         if self._obstacles:
             shapes = list(OBSTACLES.values())
             kinds = [shapes.index(type(o)) for o in self._obstacles]
-            self.system.set_obstacles(self._obstacles, kinds, self.time, self.pushes)
+            self.system.set_obstacles(self._obstacles, kinds, self.time, self._speeds())
         if self.touching is not None:
             self.touching.place_origins()
 
@@ -240,6 +246,7 @@ class Present:
         """Take other obstacles: what faces may meet of them, or of those before."""
         if not any(stands(obstacle) for obstacle in obstacles):
             return
+        self._easing = None
         old, self.touching = self.touching, touching_of(self.scene, self.system, fresh=False)
         if old is not None:
             old.end()
@@ -251,39 +258,96 @@ class Present:
         """Let bodies that are inside obstacles be pushed out slowly: at once would be a blow."""
         world = self.system.world()
         for k, part in enumerate(self.system.parts):
-            deepest = 0.0 if part.touches else self._deepest(world[part.nodes])
-            if deepest > 0.0:
-                speed = deepest / self._push_time(part)
-                known = self.pushes[k]
-                self.pushes[k] = speed if known == STILL else max(known, speed)
+            for number, depths in enumerate(self._depths(part, world)):
+                deepest = float(depths.max())
+                if deepest > 0.0:
+                    seconds = self._push_time(part, deepest)
+                    known, speed = self.pushes[k], deepest / seconds
+                    self.pushes[k] = speed if known == STILL else max(known, speed)
+                    count = int((depths > 0.0).sum())
+                    name, push = part.body.name, (deepest, self.time, seconds)
+                    self.watch.note_push(name, f"obstacle[{number}]", count, push)
+
+    def put_anew(self) -> None:
+        """Say that bodies have been put elsewhere: what is inside of something comes out slowly."""
+        self._push_out()
+        self.place_obstacles()
+        self.unplaced = True
+
+    def _ease(self) -> None:
+        """Let surfaces that are inside obstacles or each other come out slowly."""
+        self._easing, self.unplaced = None, False
+        touching, world = self.touching, self.system.world()
+        if touching is None:
+            return
+        deep = []
+        if self.meets and touching.may_overlap(world, self.time):
+            deep = easing.measured(touching, self.stepper.find_depths)
+        if deep:
+            seconds = [
+                self._push_time(touching.touchers[k].part, depth)
+                for *bodies, depth in deep
+                for k in bodies
+                if k < len(touching.touchers)
+            ]
+            self._easing = easing.Easing(self.time, max(seconds), deep)
+            self.place_obstacles()
+            easing.set_easing(touching, self._easing, self.time)
+        for name, number, depth in unseen(touching, world, deep, self.time):
+            if not self.frame:
+                raise stuck(name, number, depth)
+            self.watch.note_stuck(name, f"obstacle[{number}]", (depth, self.time))
+        for name, other, depth in touching.overlaps(deep):
+            assert self._easing is not None
+            self.watch.note_push(name, other, 0, (depth, self.time, self._easing.seconds))
+
+    @property
+    def easing(self) -> list[Any] | None:
+        """What a checkpoint keeps of surfaces that are pushed out."""
+        found = self._easing
+        return None if found is None else [found.began, found.seconds, found.deep]
+
+    def go_on_easing(self, known: list[Any] | None) -> None:
+        """Push out what `easing` told."""
+        self._easing = None if known is None else easing.Easing(*known)
+        if self.touching is not None and self.meets:
+            easing.set_easing(self.touching, self._easing, self.time)
+
+    def _speeds(self) -> Floats:
+        """Speeds [m/s] at which nodes are put out of obstacles, shape (bodies, obstacles): those
+        that faces come out of take them along.
+        """
+        speeds = np.repeat(np.array(self.pushes)[:, None], len(self._obstacles), axis=1)
+        if self._easing is not None and self.touching is not None:
+            for part, number in self.touching.cores_in(self._easing.deep):
+                speeds[part.index, number] = 0.0
+        return speeds
 
     def _stop_pushing(self) -> None:
         """Let contact act at once again on bodies that are out."""
         if not self.is_pushing:
             return
+        if self._easing is not None and self._easing.left(self.time) <= 0.0:
+            self.go_on_easing(None)
         world = self.system.world()
         for k, part in enumerate(self.system.parts):
-            if self._deepest(world[part.nodes]) <= OUT * part.size:
+            deepest = max((d.max() for d in self._depths(part, world)), default=0.0)
+            if deepest <= OUT * part.size:
                 self.pushes[k] = STILL
         self.place_obstacles()
 
-    def _deepest(self, points: Floats) -> float:
-        depths = [depth_inside(o, points, self.time).max() for o in self.scene.obstacles]
-        return float(max(depths, default=0.0))
+    def _depths(self, part: Part, world: Floats) -> list[Floats]:
+        """How deep what meets obstacles of a body is inside of each [m]."""
+        here = world[part.nodes]
+        return [depths_of(part, obstacle, here, self.time) for obstacle in self.scene.obstacles]
 
-    def _push_time(self, part: Part) -> float:
-        """Seconds in which a body is pushed out: in which waves cross it some times."""
-        step = self.scene.step
-        if isinstance(step, str):
-            step = self.limit.rest_bound()
-        if not np.isfinite(step):
-            return 1.0
-        return float(PUSH_STEPS * step * max(2.0, len(part.order) ** (1.0 / 3.0)))
+    def _push_time(self, part: Part, depth: float) -> float:
+        return push_time(part, depth, self.limit.rest_bound(), strongest(self.scene.gravity))
 
     @property
     def is_pushing(self) -> bool:
-        """Whether a body is being pushed out of an obstacle."""
-        return any(push < STILL for push in self.pushes)
+        """Whether a body is being pushed out of an obstacle or another body."""
+        return self._easing is not None or any(push < STILL for push in self.pushes)
 
     @property
     def moves_obstacles(self) -> bool:
@@ -317,7 +381,7 @@ class Present:
             self._meet_anew([*known, *asked])
             if not _go_on(known, asked, self.time):
                 self._push_out()
-                others = True
+                others = self.unplaced = True
             self.place_obstacles()
             shaken = True
         if shaken:
@@ -328,6 +392,8 @@ class Present:
             self.stepper = self._make_stepper()
             self.stepper.compile()
         self.stepper.loaded = self._is_loaded()
+        if self.unplaced:
+            self._ease()
         return others
 
     def rehearse(self) -> None:

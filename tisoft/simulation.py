@@ -141,6 +141,7 @@ class Simulation(Motion):
         """
         self.refresh()
         self.put_state(*entering.state_of(self, positions, velocities))
+        self.put_anew()
 
     def put_state(self, x: Floats, v: Floats) -> None:
         """Set a state that has been checked, wherever pins hold."""

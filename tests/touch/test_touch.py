@@ -258,6 +258,50 @@ def test_an_obstacle_under_a_face_lifts_it_and_the_ledger_knows(motion):
     assert abs(told["error"]) < 0.003 * told["external_work"]
 
 
+INSIDE = {
+    "rod": ts.Capsule((0, 0.515, -1), (0, 0.515, 1), 0.01),
+    "shell": SMALLER_THAN_A_FACE["shell"],
+    "edge": SMALLER_THAN_A_FACE["edge"],
+}
+
+
+@pytest.mark.parametrize("kind", INSIDE)
+def test_what_starts_inside_between_nodes_is_pushed_out_at_a_speed_that_no_step_changes(kind):
+    """By work from outside, of which contact keeps a part; a warning tells it."""
+    runs = []
+    for step in (2e-3, 2.5e-4):
+        scene, body = on(INSIDE[kind])
+        scene.gravity, scene.step = (0, 0, 0), step
+        body.mesh = body.mesh.transformed(translate=(0, -0.025 if kind != "rod" else 0.0, 0))
+        sim = simulation(scene, threads=1)
+        (deepest,), seconds = {depth for *_, depth in sim.easing[2]}, sim.easing[1]
+        assert deepest == pytest.approx(0.005, abs=GAP)
+        sim.run(seconds + 0.1)
+        assert not sim.is_pushing and sim.recoveries == []
+        assert "inside obstacle[0], 0.005 m deep" in sim.warnings[0]
+        told = sim.energy()
+        assert 0.0 < told["dissipated"] < told["external_work"]
+        assert abs(told["error"]) < 0.02 * told["external_work"]
+        runs.append((mean_velocities(sim)[0][1], np.abs(sim.velocities()).max()))
+        assert sim.positions()[:, 1].min() > 0.49
+    speed = deepest / seconds
+    assert 0.5 * speed < runs[0][0] < 1.5 * speed and runs[0][1] < 3.0 * speed
+    assert runs[1] == pytest.approx(runs[0], rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("obstacle", "depth"),
+    [
+        (ts.Capsule((0, 0.6, -1), (0, 0.6, 1), 0.01), r"0\.09"),
+        (ts.Box(center=(0, 0.62, 0), size=(2, 0.02, 2)), r"0\.01"),
+    ],
+)
+def test_what_goes_through_a_slab_is_refused(obstacle, depth):
+    scene, _ = on(obstacle)
+    with pytest.raises(ts.SceneError, match=rf'body0" starts {depth} m inside obstacle\[0\], or'):
+        simulation(scene, threads=1)
+
+
 def test_a_slab_that_starts_in_closed_triangles_is_refused():
     around = ts.Box(center=(0.1, 0.5, 0.1), size=(1, 1, 1)).corners(1.0)
     scene, _ = on(ts.Shell(around.rest, around.triangles))

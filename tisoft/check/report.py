@@ -60,7 +60,7 @@ def check(sim: Simulation) -> Report:
         "nodes": sim.system.count,
         "elements": sim.system.elements,
         "springs": sim.system.springs,
-        "warnings": [*warnings_of(scene), *coarse_rows(scene, step)],
+        "warnings": [*warnings_of(scene), *sim.watch.pushed(), *coarse_rows(scene, step)],
     }
     for body in scene.bodies:
         report.result["warnings"] += mesh_notes(body)

@@ -11,7 +11,6 @@ from tisoft.body import Body
 from tisoft.check.cages import cage_warnings, pin_warnings
 from tisoft.check.contact import folding
 from tisoft.check.meshes import mesh_warnings
-from tisoft.depth import depth_inside
 from tisoft.gaps import gap_warnings
 from tisoft.geometry.mesh import TetMesh
 from tisoft.gravity import mainly, strongest
@@ -58,13 +57,6 @@ def _of_scene(scene: Scene) -> Iterator[str]:
 
 def _of_body(body: Body, scene: Scene) -> Iterator[str]:
     name, model = f'body "{body.name}"', body.model
-    for number, obstacle in enumerate(scene.obstacles):
-        count = int((depth_inside(obstacle, touching(body)) > 0.0).sum())
-        if count:
-            yield (
-                f"{name} starts with {count} nodes inside obstacle[{number}] and will be pushed "
-                "out of it; move the body or the obstacle"
-            )
     if model.point_damping:
         strength = strongest(scene.gravity)
         fall = f": it falls at {strength / model.point_damping:.3g} m/s at the most"
@@ -89,12 +81,6 @@ def _of_body(body: Body, scene: Scene) -> Iterator[str]:
                 'St. Venant-Kirchhoff softens and may turn inside out; model = "neo-hookean" '
                 "stands it, and so does a larger young"
             )
-
-
-def touching(body: Body) -> Floats:
-    """Places of what meets obstacles [m]: nodes, or points of the surface that a cage carries."""
-    points = body.mesh.points
-    return points if body.carried is None else body.carried.skin.carried(points)
 
 
 def compression(body: Body, scene: Scene) -> float:

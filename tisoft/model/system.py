@@ -379,10 +379,10 @@ class System:
         return int(self.obstacle_lease.starts["obstacles"]) + place
 
     def set_obstacles(
-        self, obstacles: Sequence[Any], kinds: Sequence[int], time: float, pushes: Sequence[float]
+        self, obstacles: Sequence[Any], kinds: Sequence[int], time: float, pushes: Any
     ) -> None:
         """Place obstacles at `time` [s], seen from the bodies' present origins; `pushes`: speed at
-        which each body is pushed out [m/s].
+        which each body is pushed out of each [m/s], shape (bodies, obstacles).
         """
         count = len(obstacles)
         if self.obstacle_lease is None or self._obstacles != count:
@@ -393,9 +393,9 @@ class System:
             self.obstacle_lease = self._keep(Lease(self.lease.arena, needs))
             self.write_bodies()
         rows = [
-            [*o.numbers(part.origin, time)[0], o.friction, pushes[part.index], *np.zeros(6)]
+            [*o.numbers(part.origin, time)[0], o.friction, pushes[part.index, k], *np.zeros(6)]
             for part in self._meeting()
-            for o in obstacles
+            for k, o in enumerate(obstacles)
         ]
         if self.touch_lease is not None:
             nth = np.cumsum([part.touches for part in self.parts]) - 1

@@ -40,6 +40,8 @@ class Watch:
         self._most_inverted, self._first_inverted = 0, 0.0
         self._turns: dict[int, tuple[float, float]] = {}
         self._blown: tuple[float, float] | None = None
+        self._pushed: dict[tuple[str, str, float], tuple[float, float, int]] = {}
+        self._stuck: dict[tuple[str, str], tuple[float, float]] = {}
         self._linear = []
         for part in system.parts:
             if isinstance(part.body.model, Linear | MassTensor):
@@ -53,14 +55,37 @@ class Watch:
         turns = [[index, *worst] for index, worst in self._turns.items()]
         inverted = [self.inverted, self._most_inverted, self._first_inverted]
         worst = [[*key, *value] for key, value in self.inside.worst.items()]
-        return {"inverted": inverted, "turns": turns, "inside": worst}
+        pushed = [[*key, *value] for key, value in self._pushed.items()]
+        stuck = [[*key, *value] for key, value in self._stuck.items()]
+        told = {"pushed": pushed, "stuck": stuck}
+        return {"inverted": inverted, "turns": turns, "inside": worst} | told
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Go on from what `state` told."""
         self.inverted, self._most_inverted, self._first_inverted = state["inverted"]
         self._turns = {index: (angle, time) for index, angle, time in state["turns"]}
+        self._pushed = {(a, b, t): (d, s, n) for a, b, t, d, s, n in state.get("pushed", [])}
+        self._stuck = {(a, b): (d, t) for a, b, d, t in state.get("stuck", [])}
         worst = state.get("inside", [])
         self.inside.worst = {(body, o): (depth, t, at) for body, o, depth, t, at in worst}
+
+    def note_push(
+        self, name: str, other: str, nodes: int, push: tuple[float, float, float]
+    ) -> None:
+        """Note that a body with so many nodes inside of another thing is pushed out of it: depth
+        [m], since when and for how long [s].
+        """
+        depth, time, seconds = push
+        known = self._pushed.get((name, other, time), (0.0, 0.0, 0))
+        self._pushed[name, other, time] = (
+            max(depth, known[0]), max(seconds, known[1]), max(nodes, known[2])
+        )  # fmt: skip
+
+    def note_stuck(self, name: str, other: str, deep: tuple[float, float]) -> None:
+        """Note that a body is so deep [m] in another thing at a time [s] that nothing pushes it
+        out.
+        """
+        self._stuck[name, other] = deep
 
     def blew_up(self, time: float, step: float) -> None:
         """Note that the state at `time` [s] is not finite, after a `step` [s] nobody watched."""
@@ -89,7 +114,7 @@ class Watch:
 
     def warnings(self) -> list[str]:
         """What happened, a sentence each."""
-        told = []
+        told = self.pushed()
         if self._blown:
             time, step = self._blown
             told.append(
@@ -116,3 +141,20 @@ class Watch:
                     f'{error:.0f} % too large; use model = "viscoelastic"'
                 )
         return told + self.inside.warnings()
+
+    def pushed(self) -> list[str]:
+        """What began inside of something, a sentence each."""
+        told = []
+        for (name, other), (depth, time) in self._stuck.items():
+            told.append(
+                f'body "{name}" is {depth:.3g} m inside {other} at t = {time:.4g} s, or goes '
+                "through it, where contact cannot push it out; move one of them"
+            )
+        for (name, other, time), (depth, seconds, nodes) in self._pushed.items():
+            what = f"{nodes} nodes" if nodes else "faces"
+            when = f"is at t = {time:.4g} s" if time else "starts"
+            told.append(
+                f'body "{name}" {when} with {what} inside {other}, {depth:.3g} m deep, and is '
+                f"pushed out within {seconds:.2g} s; move one of them"
+            )
+        return told

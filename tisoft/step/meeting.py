@@ -20,7 +20,7 @@ from tisoft.step.fixed import held
 from tisoft.step.substep import move, move_solved, node, now_of
 from tisoft.touch import fields as f
 from tisoft.touch.lists import search
-from tisoft.touch.rows import find_rows
+from tisoft.touch.rows import find_depths, find_rows
 from tisoft.touch.sweeps import sweep
 
 SAFE = 0.95
@@ -61,21 +61,20 @@ def stand_all(s: ti.template(), q, t, threads):
 
 @ti.func
 def carried_by(s: ti.template(), p):
-    """Work [J] of obstacles on point p, along normals and by friction: an impulse times the
-    velocity of the surface, −|w| P·(Σ w_k v_k), over an obstacle's points of the row; and times
-    that with which it pushes out what is in it.
+    """Work [J] from outside on point p, along normals and by friction: an impulse times the
+    velocity of an obstacle's surface, −|w| P·(Σ w_k v_k) over its points of the row; and times that
+    with which what is inside another one is pushed out.
     """
     work = ti.Vector([0.0 * s.surfaces.weight[p], 0.0 * s.surfaces.weight[p]])
     for k in range(s.surfaces.slot_start[p], s.surfaces.slot_start[p + 1]):
         c = s.surfaces.slot[k >> 2, k & 3]
         z = c >> 2
         if s.surfaces.near[z]:
-            v, out = s.surfaces.drift[z], 0.0 * s.surfaces.target[z]
+            v, out = s.surfaces.drift[z], s.surfaces.outside[z]
             for e in range(4):
                 other = s.surfaces.ends[z, e]
                 if s.surfaces.trait[s.surfaces.body[other], f.OBSTACLE]:
                     v += s.surfaces.share[z, e] * s.surfaces.velocity[other]
-                    out = ti.max(s.surfaces.target[z], 0.0 * out)
             part = ti.abs(s.surfaces.share[z, c & 3])
             work[0] += part * s.surfaces.impulse[z] * (out - v.dot(s.surfaces.normal[z]))
             work[1] -= part * v.dot(s.surfaces.grip[z])
@@ -99,16 +98,20 @@ def kick(s: ti.template(), i, row, n, now):
 
 
 @ti.func
-def finish(s: ti.template(), i, n, now):
-    """Move node i with what contact has added to its velocity."""
+def finish(s: ti.template(), i, n, is_easing, now):
+    """Move node i with what contact has added to its velocity.
+
+    Args: is_easing: whether bodies are pushed out of each other.
+    """
     p = s.surfaces.point[n]
     pushed, rubbed = 0.0 * s.state.velocity[i], 0.0 * s.state.velocity[i]
     if p >= 0:
         if s.surfaces.met[p]:
             pushed = s.surfaces.pushed[p] * s.state.inverse_mass[i]
             rubbed = s.surfaces.rubbed[p] * s.state.inverse_mass[i]
-            if ti.static(s.ledger and s.contact):
-                ledger.note_carried(s.state, i, carried_by(s, p))
+            if ti.static(s.ledger):
+                if ti.static(s.contact) or is_easing:
+                    ledger.note_carried(s.state, i, carried_by(s, p))
     move(s, i, s.surfaces.acceleration[n], s.surfaces.force[n], now, pushed, rubbed)
 
 
@@ -181,6 +184,7 @@ def touch_nodes(s: ti.template(), scene, t, threads, phase, now):
     thread, base = s.surfaces.order[q, f.THREAD], s.surfaces.order[q, f.NODE] - low
     back = s.state.ranges[scene, 15] - low
     is_met = s.surfaces.order[q, f.COUNT] > 0 and now.opens
+    eases = s.surfaces.length[q, f.LEFT] > 0.0
     moving = s.surfaces.order[q, f.MOVING]
     if ti.static(s.contact):
         if moving:
@@ -196,13 +200,21 @@ def touch_nodes(s: ti.template(), scene, t, threads, phase, now):
                 note_way(s, p)
         phase += 1
         meet(s, scene, phase, threads)
-        rows = find_rows(s.surfaces, q, t, now.h)
+        rows = 0
+        for k in range(2 if eases else 1):
+            if k == 1:
+                phase += 1
+                meet(s, scene, phase, threads)
+            rows = find_rows(s.surfaces, q, t, eases and k == 0, eases, now.h)
         s.surfaces.most[thread + t, f.WORST] = rows
         phase += 1
         meet(s, scene, phase, threads)
         for b in range(s.surfaces.order[q, f.BODY], s.surfaces.order[q, f.BODY_END]):
             if b % threads == t:
                 s.surfaces.number[b, f.WAY], s.surfaces.number[b, f.SPEED] = 0.0, 0.0
+        if t == 0 and eases:
+            falls = now.h * s.surfaces.length[q, f.RATE]
+            s.surfaces.length[q, f.LEFT] = ti.max(s.surfaces.length[q, f.LEFT] - falls, 0.0)
         rows = 0
         for k in range(threads):
             rows += ti.cast(s.surfaces.most[thread + k, f.WORST], ti.i32)
@@ -213,7 +225,7 @@ def touch_nodes(s: ti.template(), scene, t, threads, phase, now):
     share_gone = 0.0 * now.h
     for i in range(first, last):
         if is_met:
-            finish(s, i, i + base, now)
+            finish(s, i, i + base, eases, now)
         elif ti.static(s.consistent):
             move_solved(s, i, i + back, now)
         else:
@@ -255,3 +267,20 @@ def make_search(s: Any, alone: bool) -> Any:
                     renew(s, scene, item // SLICE, threads, now_of(s, scene, 1, 1))
 
     return renewed
+
+
+def make_depths(s: Any) -> Any:
+    """The kernel depths(scene), which lists pairs anew, as far as `sunk` allows, and writes there
+    how deep bodies are in each other and in obstacles; on the caller's thread.
+    """
+
+    @ti.kernel
+    def measured(scene: int):
+        s.state.arrived[scene] = 0
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            now = now_of(s, scene, 1, 1)
+            renew(s, scene, 0, 1, now)
+            find_depths(s.surfaces, s.state.ranges[scene, TOUCH_SCENE], now.h)
+
+    return measured

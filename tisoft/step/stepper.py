@@ -15,7 +15,7 @@ from tisoft.model import state as columns
 from tisoft.model.system import System
 from tisoft.step.explicit_euler import ExplicitEuler
 from tisoft.step.launches import make_advance as make_launches
-from tisoft.step.meeting import make_search
+from tisoft.step.meeting import make_depths, make_search
 from tisoft.step.pace import CELLS_PER_THREAD, TRIAL, TRIAL_WORK, Pace
 from tisoft.step.passes import make_advance
 from tisoft.step.schedule import Schedule
@@ -122,6 +122,7 @@ class Stepper:
         kernel = self.system.lease.arena.kernel
         if structure.meets:
             self._search = kernel(("search", *key[1:]), lambda: make_search(structure, alone))
+            self._depths = ("depths", *key[1:-2])
         return kernel(
             key, lambda: make_advance(structure, alone) if on_cpu else make_launches(structure)
         )
@@ -197,6 +198,11 @@ class Stepper:
             spent = time.perf_counter() - begun - (self._call if threads > 1 else 0.0)
             self.pace.took(threads, max(spent, 0.0) / now)
         return done + now
+
+    def find_depths(self) -> None:
+        """Let contact write how deep bodies are inside each other (`easing.measured`)."""
+        arena, structure = self.system.lease.arena, self.structure
+        arena.kernel(self._depths, lambda: make_depths(structure))(self.system.scene)
 
     def measure(self, gravity: Any) -> NDArray[np.float64]:
         """Sums of the present state, shape (RECORD,), with the power v·f [W] of the elements'

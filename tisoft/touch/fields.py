@@ -21,10 +21,11 @@ A = ti.types.ndarray()
 """Columns of `Touch.order`: where a scene's rows begin and end; candidates found; threads of the
 last search, 0 where it is out of date; searches; whether candidates found no room; sweeps and rows
 so far; first point and first core of obstacles, and whether those move."""
-LEAST, MOST, THICK, LONGEST, REACH, SHRUNK, TOLERANCE, LENGTHS = range(8)
+LEAST, MOST, THICK, LONGEST, REACH, SHRUNK, TOLERANCE, SUNK, LEFT, RATE, LENGTHS = range(11)
 """Columns of `Touch.length` [m]: least and most margin, largest thickness, longest edge, distance
 up to which pairs are listed at the most, share of the margins that had room (1), residual that ends
-the sweeps."""
+the sweeps; most of `Touch.sunk`, the share of it that is left (1), and how fast that falls [1/s].
+"""
 SOLID, SELF, OBSTACLE, ROUND, BARE, ROW, FIRST, LAST, NEAR, BOX_START, TRAITS = range(11)
 """Columns of `Touch.trait`: whether it is an obstacle, the kind of core that it is, whether points
 leave its triangles alone, its row of `State.obstacle`."""
@@ -158,6 +159,10 @@ class Touch:
         """n."""
         self.target = field(real, "pairs")
         """[m/s]."""
+        self.behind = field(real, "pairs")
+        """How deep it is [m], −1e30 where it does not count; known while bodies are pushed out."""
+        self.outside = field(real, "pairs")
+        """The share of it whose work is from outside [m/s]."""
         self.impulse = field(real, "pairs")
         """λ [N s]."""
         self.grip = field(vec3, "pairs")
@@ -184,6 +189,8 @@ class Touch:
         self.high = field(vec3, "bodies")
         self.may = field(ti.i32, "couples")
         """Whether two bodies may touch, row by row."""
+        self.sunk = field(real, "couples")
+        """How deep they were in each other when pushing them out began [m]."""
         self.box_low = field(vec3, "boxes")
         """Parts of a body's box where another one may be near [m]."""
         self.box_high = field(vec3, "boxes")
@@ -199,7 +206,7 @@ class Touch:
         real = 8 if structure == "f64" else 4
         points = rows["points"] * (26 * real + 44) + rows["nodes"] * (6 * real + 4)
         return points + rows["triangles"] * 28 + rows["fans"] * 8 + rows["edges"] * 36 + (
-            rows["pairs"] * (17 * real + 52) + rows["buckets"] * 12
+            rows["pairs"] * (19 * real + 52) + rows["buckets"] * 12
         )  # fmt: skip
 
     def destroy(self) -> None:
@@ -258,6 +265,7 @@ class Touch:
         ti.loop_config(serialize=self.serial)
         for k in range(may.shape[0]):
             self.may[couple + k] = may[k]
+            self.sunk[couple + k] = 0.0
 
     @ti.kernel
     def write_origins(self, first: int, origins: A):
@@ -276,6 +284,20 @@ class Touch:
                 self.order[scene, k] = order[k]
             for k in range(length.shape[0]):
                 self.length[scene, k] = length[k]
+
+    @ti.kernel
+    def write_sunk(self, first: int, depths: A):
+        """Write how deep couples are in each other [m]."""
+        ti.loop_config(serialize=self.serial)
+        for k in range(depths.shape[0]):
+            self.sunk[first + k] = depths[k]
+
+    @ti.kernel
+    def read_sunk(self, first: int, depths: A):
+        """The same, told."""
+        ti.loop_config(serialize=self.serial)
+        for k in range(depths.shape[0]):
+            depths[k] = self.sunk[first + k]
 
     @ti.kernel
     def write_locals(self, first: int, places: A):

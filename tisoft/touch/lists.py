@@ -7,7 +7,8 @@
 Points are sorted by the bucket of their cell (counting sort).  Every triangle asks the cells that
 its box, wider by the reach, covers; every edge those where middles of near edges may lie.  Pairs
 come out by triangle and then by point, by edge and then by edge, whatever the grid: with them all
-sums have the same order.  Candidates hold until a point has gone half of its body's margin.
+sums have the same order.  Candidates hold until a point has gone half of its body's margin.  The
+reach of bodies that are pushed out of each other is as much wider as they are deep.
 """
 
 import taichi as ti
@@ -65,11 +66,21 @@ def measure(touch: ti.template(), q, t, threads, h):
 
 
 @ti.func
+def couple_of(touch: ti.template(), q, b, c):
+    """Row of two bodies in `may` and `sunk`."""
+    low, high = touch.order[q, f.BODY], touch.order[q, f.BODY_END]
+    return touch.order[q, f.COUPLE] + (b - low) * (high - low) + c - low
+
+
+@ti.func
 def reach_of(touch: ti.template(), q, b, c):
     """Distance [m] up to which pairs of two bodies are listed."""
     thick = ti.cast(touch.length[q, f.THICK], touch.real)
     shrunk = ti.cast(touch.length[q, f.SHRUNK], touch.real)
-    return thick + shrunk * (touch.number[b, f.AHEAD] + touch.number[c, f.AHEAD])
+    reach = thick + shrunk * (touch.number[b, f.AHEAD] + touch.number[c, f.AHEAD])
+    if touch.length[q, f.SUNK] > 0.0:
+        reach += touch.sunk[couple_of(touch, q, b, c)]
+    return reach
 
 
 @ti.func
@@ -95,7 +106,7 @@ def neighbours(touch: ti.template(), q):
         near = 0
         own = ti.cast(touch.length[q, f.SHRUNK], touch.real) * touch.number[b, f.AHEAD]
         for c in range(low, high):
-            if touch.may[touch.order[q, f.COUPLE] + (b - low) * (high - low) + c - low]:
+            if touch.may[couple_of(touch, q, b, c)]:
                 gap, reach = gap_of(touch, b, c), reach_of(touch, q, b, c)
                 free = ti.min(free, gap - reach)
                 if gap < reach:
@@ -195,8 +206,7 @@ def sort_edges(touch: ti.template(), q, per_cell):
 @ti.func
 def may_touch(touch: ti.template(), q, b, c):
     """Whether two bodies may."""
-    low, high = touch.order[q, f.BODY], touch.order[q, f.BODY_END]
-    return touch.may[touch.order[q, f.COUPLE] + (b - low) * (high - low) + c - low]
+    return touch.may[couple_of(touch, q, b, c)]
 
 
 @ti.func

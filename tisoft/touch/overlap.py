@@ -15,6 +15,7 @@ from tisoft.touch.surface import DEPTH, Surface
 
 Floats = NDArray[np.float64]
 
+MOST = "half an edge or half the thickness"
 NEAREST = 12
 """Triangles, by the distance of their centres, among which a point looks for its nearest."""
 
@@ -47,11 +48,18 @@ def check_apart(
             if not inside.any():
                 continue
             depth = depth_inside(places[a], surfaces[a], places[b][inside])
-            edge = surfaces[a].edge
-            if names[a].startswith("obstacle["):  # its faces may be of any size
-                edge = min(edge, surfaces[b].edge)
-            if depth > DEPTH * edge:
-                raise _refusal(names[a], names[b], depth, DEPTH * edge)
+            most = min(surfaces[a].depth, DEPTH * surfaces[b].edge)  # faces may be of any size
+            if depth > most:
+                raise _refusal(names[a], names[b], depth, most)
+
+
+def stuck(name: str, number: int, depth: float) -> FieldError:
+    """Of a body so deep inside an obstacle that nothing pushes it out."""
+    problem = (
+        f"starts {depth:.3g} m inside obstacle[{number}], or goes through it, where contact cannot "
+        "push it out; move one of them"
+    )
+    return FieldError("body", problem, name)
 
 
 def _refusal(a: str, b: str, depth: float, most: float) -> FieldError:
@@ -60,12 +68,12 @@ def _refusal(a: str, b: str, depth: float, most: float) -> FieldError:
         body, obstacle = reversed(named) if a.startswith("obstacle[") else named
         problem = (
             f"starts {depth:.3g} m inside {obstacle}, deeper than contact can push out "
-            f"({most:.3g} m, half an edge); move one of them"
+            f"({most:.3g} m, {MOST}); move one of them"
         )
         return FieldError("body", problem, body)
     problem = (
         f"and {b} start {depth:.3g} m inside each other, deeper than contact "
-        f"can push apart ({most:.3g} m, half an edge); move one of "
+        f"can push apart ({most:.3g} m, {MOST}); move one of "
         "them, or let them pass by [[no_contact]]"
     )
     return FieldError("body", problem, named[0])
@@ -75,6 +83,11 @@ def depth_inside(x: Floats, surface: Surface, points: Floats) -> float:
     """How deep [m] the deepest of some points [m] lies inside the surface with points x [m]; 0
     where none does.
     """
+    return float(depths_inside(x, surface, points).max(initial=0.0))
+
+
+def depths_inside(x: Floats, surface: Surface, points: Floats) -> Floats:
+    """How deep [m] each point lies inside the surface; 0 where it does not, shape (points,)."""
     from scipy.spatial import cKDTree
 
     corners = x[surface.triangles]
@@ -89,7 +102,8 @@ def depth_inside(x: Floats, surface: Surface, points: Floats) -> float:
     least = distance.min(axis=1, keepdims=True)
     # Faces that share the nearest edge or corner vote together.
     votes = np.where(distance <= least * (1 + 1e-9), (way * normal).sum(axis=2), 0.0).sum(axis=1)
-    return float(np.where(votes < 0.0, least[:, 0], 0.0).max(initial=0.0))
+    depths: Floats = np.where(votes < 0.0, least[:, 0], 0.0)
+    return depths
 
 
 def _nearest(p: Floats, a: Floats, b: Floats, c: Floats) -> Floats:

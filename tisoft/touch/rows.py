@@ -3,6 +3,9 @@
 
     Σ w_k v_k · n ≥ target,   target = −gap/h  (gap ≥ 0),   β min(−gap, t)/h  (gap < 0)
 
+Bodies that begin inside each other are as much thinner at first, D₀, and grow back at a speed that
+does not depend on h:  gap + D and target + V for those,  D = D₀ left,  V = −dD/dt.
+
 Speculative: the gap is that of the substep's start, so no speed and no thin body slips through.
 Of a solid, outward normals tell the side; of a sheet, the side where the point was last seen
 farther than 1.2 t away.  A point behind a solid's face belongs to it while it is no deeper than
@@ -13,6 +16,7 @@ farther than 1.2 t away.  A point behind a solid's face belongs to it while it i
 | gap      | distance less the thickness t                          | m    |
 | w        | `share`: 1 and −barycentric; 1 − s, s, −(1 − t), −t    | 1    |
 | β        | PUSH                                                   | 1    |
+| D₀, left | `sunk`, `length[LEFT]`                                 | m, 1 |
 """
 
 import taichi as ti
@@ -20,7 +24,7 @@ import taichi as ti
 from tisoft.obstacles.base import FLAT_LINE, POINT
 from tisoft.touch import fields as f
 from tisoft.touch.closest import between_lines, nearest_on_line, on_triangle
-from tisoft.touch.lists import BLUR
+from tisoft.touch.lists import BLUR, couple_of
 
 PUSH = 0.2
 """Share of a penetration that a substep takes back."""
@@ -128,24 +132,43 @@ def roughness(touch: ti.template(), b, c):
 
 
 @ti.func
-def write_row(touch: ti.template(), z, w, n, distance, drift, h):
+def ease(touch: ti.template(), q, b, c, h):
+    """D [m] of two bodies and V [m/s], the mean over the substep."""
+    eased = ti.Vector([0.0 * h, 0.0 * h])
+    left = touch.length[q, f.LEFT]
+    if left > 0.0:
+        deep = touch.sunk[couple_of(touch, q, b, c)]
+        falls = ti.min(touch.length[q, f.RATE], left / h)
+        eased[0] = ti.cast(left, touch.real) * deep
+        eased[1] = ti.cast(falls, touch.real) * deep
+    return eased
+
+
+@ti.func
+def write_row(touch: ti.template(), z, w, n, distance, drift, eased, h):
     """Make a row of pair z where its gap would close within the substep; returns whether."""
     rate = drift
     for k in ti.static(range(4)):
         rate += w[k] * touch.kicked[touch.ends[z, k]]
     thick = thickness(touch, touch.ends[z, 0], touch.ends[z, 3])
-    gap = distance - thick
+    gap = distance - thick + eased[0]
     target = -gap / h
     b, c = touch.body[touch.ends[z, 0]], touch.body[touch.ends[z, 3]]
     if gap < 0.0:
         most = ti.min(touch.number[b, f.EASE], touch.number[c, f.EASE])
         target = PUSH * ti.min(-gap, most) / h
+    target += eased[1]
+    outside = 0.0 * target
+    if touch.trait[b, f.OBSTACLE] or touch.trait[c, f.OBSTACLE]:
+        outside = ti.max(target, 0.0 * target)
+    elif eased[1] > 0.0:  # both bodies' points count it
+        outside = 0.5 * ti.max(target, 0.0 * target)
     near = 0
     if rate.dot(n) < target:
         near = 1
         for k in ti.static(range(4)):
             touch.share[z, k] = w[k]
-        touch.normal[z], touch.target[z] = n, target
+        touch.normal[z], touch.target[z], touch.outside[z] = n, target, outside
         touch.impulse[z] = 0.0
         touch.grip[z] = 0.0 * n
         touch.drift[z], touch.rough[z] = drift, roughness(touch, b, c)
@@ -196,10 +219,6 @@ def face_row(touch: ti.template(), z):
         if ti.abs(out.dot(n)) > EDGEWISE * out.norm():
             touch.side[z] = 1 if out.dot(n) < 0.0 else -1
     ok = is_own(touch, i, w, d, n, solid)
-    if core == FLAT_LINE:
-        along = seen_from(touch, p + 1, body) - seen_from(touch, p, body)
-        if ti.abs(d.dot(along)) > EDGEWISE * distance * along.norm():
-            ok = 0
     if w[0] > 0.0 and w[1] > 0.0 and w[2] > 0.0:
         distance = side
         if solid == 0:
@@ -209,6 +228,10 @@ def face_row(touch: ti.template(), z):
             ok = is_behind(touch, p, -side, n, body)
     elif distance > 0.0:
         n = d / distance
+    if core == FLAT_LINE:  # its ends are for corners
+        along = seen_from(touch, p + 1, body) - seen_from(touch, p, body)
+        if ti.abs(n.dot(along)) > EDGEWISE * along.norm():
+            ok = 0
     drift = 0.0 * n
     if core:
         arm = x - n * touch.number[other, f.HALF] - seen_from(touch, p, body)
@@ -260,33 +283,97 @@ def edge_row(touch: ti.template(), z):
 
 
 @ti.func
-def find_rows(touch: ti.template(), q, t, h):
+def row_of(touch: ti.template(), z, kind):
+    """Drift [m/s], weights, direction and distance [m] of a pair; whether they count."""
+    drift = 0.0 * touch.place[0]
+    normal, distance, ok = drift, drift[0], 0
+    w = ti.Vector([distance, distance, distance, distance])
+    if kind == 0:
+        drift, w, normal, distance, ok = face_row(touch, z)
+    else:
+        w, normal, distance, ok = edge_row(touch, z)
+    return drift, w, normal, distance, ok
+
+
+@ti.func
+def is_nearest(touch: ti.template(), z):
+    """Whether no face of the same body is nearer to the point of pair z, which is behind them.
+    A core is not behind faces; edges meet when they are near.
+    """
+    nearest = 1
+    p, body = touch.ends[z, 0], touch.body[touch.ends[z, 1]]
+    if touch.item[z, 1] < 0 and touch.trait[touch.body[p], f.ROUND] == 0:
+        for k in range(touch.slot_start[p], touch.slot_start[p + 1]):
+            c = touch.slot[k >> 2, k & 3]
+            y = c >> 2
+            if (c & 3) == 0 and touch.item[y, 1] < 0 and touch.body[touch.ends[y, 1]] == body:
+                if touch.behind[y] > -1e29 and touch.behind[y] < (1.0 - CONE) * touch.behind[z]:
+                    nearest = 0
+    return nearest
+
+
+@ti.func
+def is_awake(touch: ti.template(), q, z, h):
+    """Whether the bodies of pair z may have come together since the search."""
+    b, c = touch.body[touch.ends[z, 0]], touch.body[touch.ends[z, 3]]
+    way = touch.number[b, f.WAY] + touch.number[c, f.WAY]
+    way += h * (touch.number[b, f.SPEED] + touch.number[c, f.SPEED])
+    near = SEEN * touch.length[q, f.THICK] + touch.length[q, f.SUNK]
+    return touch.distance[z] < ti.cast(near, touch.real) + way
+
+
+@ti.func
+def find_rows(touch: ti.template(), q, t, measures, eases, h):
     """Thread t's rows of this substep; returns how many.  Pairs of bodies that have not gone far
     enough since the search sleep.
+
+    Args:
+        measures: only write how deep pairs are.
+        eases: whether bodies are pushed out of each other: points then by their nearest faces.
     """
     own = touch.order[q, f.THREAD] + t
-    thick = SEEN * ti.cast(touch.length[q, f.THICK], touch.real)
     count = 0
     for kind in range(2):
         begin, n = touch.segment[own, 2 * kind], 0
         for z in range(begin, touch.segment[own, 2 * kind + 1]):
             near = 0
-            b, c = touch.body[touch.ends[z, 0]], touch.body[touch.ends[z, 3]]
-            way = touch.number[b, f.WAY] + touch.number[c, f.WAY]
-            way += h * (touch.number[b, f.SPEED] + touch.number[c, f.SPEED])
-            if touch.distance[z] < thick + way:
-                w, normal, distance, ok = ti.Vector([h, h, h, h]), 0.0 * touch.place[0], h, 0
-                drift = 0.0 * normal
-                if kind == 0:
-                    drift, w, normal, distance, ok = face_row(touch, z)
-                else:
-                    w, normal, distance, ok = edge_row(touch, z)
+            behind = -1e30 + 0.0 * h
+            if is_awake(touch, q, z, h):
+                drift, w, normal, distance, ok = row_of(touch, z, kind)
                 if ok:
-                    near = write_row(touch, z, w, normal, distance, drift, h)
+                    behind = thickness(touch, touch.ends[z, 0], touch.ends[z, 3]) - distance
+                if ok and eases:
+                    ok = is_nearest(touch, z)
+                if ok and measures == 0:
+                    b, c = touch.body[touch.ends[z, 0]], touch.body[touch.ends[z, 3]]
+                    eased = ease(touch, q, b, c, h)
+                    near = write_row(touch, z, w, normal, distance, drift, eased, h)
                 if near:
                     touch.active[begin + n] = z
                     n += 1
-            touch.near[z] = near
+            if measures:
+                touch.behind[z] = behind
+            else:
+                touch.near[z] = near
         touch.segment[own, f.FACES_NEAR + kind] = n
         count += n
     return count
+
+
+@ti.func
+def find_depths(touch: ti.template(), q, h):
+    """Write how deep couples are in each other by all the pairs that one thread has listed."""
+    first = touch.order[q, f.COUPLE]
+    bodies = touch.order[q, f.BODY_END] - touch.order[q, f.BODY]
+    for k in range(bodies * bodies):
+        touch.sunk[first + k] = 0.0
+    own = touch.order[q, f.THREAD]
+    if touch.order[q, f.COUNT] > 0:
+        find_rows(touch, q, 0, 1, False, h)
+        for kind in range(2):
+            for z in range(touch.segment[own, 2 * kind], touch.segment[own, 2 * kind + 1]):
+                if touch.behind[z] > 0.0 and is_nearest(touch, z):
+                    b, c = touch.body[touch.ends[z, 0]], touch.body[touch.ends[z, 3]]
+                    for side in range(2):
+                        k = couple_of(touch, q, b, c) if side == 0 else couple_of(touch, q, c, b)
+                        touch.sunk[k] = ti.max(touch.sunk[k], touch.behind[z])

@@ -18,6 +18,7 @@ from tisoft.geometry.surface import solid_moments
 from tisoft.geometry.topology import morton_order
 from tisoft.moving import moves, pose
 from tisoft.obstacles import Shell
+from tisoft.touch.overlap import depths_inside
 from tisoft.touch.surface import Surface, cut_edges, surface_of
 
 Floats = NDArray[np.float64]
@@ -70,6 +71,17 @@ class Standing:
     def is_met_by_nodes(self) -> bool:
         """Whether bodies' points meet its triangles; else its distance."""
         return isinstance(self.obstacle, Shell)
+
+    def depths(self, points: Floats, time: float) -> Floats:
+        """How deep points [m] are inside its triangles at `time` [s]; 0 where they are not."""
+        assert self.surface is not None
+        R, d = (moved[0] for moved in pose(self.obstacle, time))
+        x = (points - d) @ R
+        near = ((x > self.rest.min(axis=0)) & (x < self.rest.max(axis=0))).all(axis=1)
+        found = np.zeros(len(x))
+        if near.any():
+            found[near] = depths_inside(self.rest, self.surface, x[near])
+        return found
 
     def boxes(self, times: Sequence[float]) -> tuple[Floats, Floats]:
         """Lowest and highest corners [m] of what faces may meet between some times [s]: of its

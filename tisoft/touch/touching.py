@@ -43,6 +43,8 @@ FINER = 0.5
 """Of that where there are cores: bodies keep no distance to those."""
 SELF_REACH = 0.65
 """Of an edge: a flat sheet has no candidate with itself within it."""
+INSIDE = 0.01
+"""Of the distance that is kept: as deep inside of another one is told."""
 FOLDED = 0.5
 """Cosine of the angle to its mean normal up to which a sheet has not begun to fold."""
 PAIRS_A_POINT = 24
@@ -343,6 +345,45 @@ class Touching:
             if (near & (self._may[:count, k] != 0)).any():
                 return True
         return False
+
+    def may_overlap(self, world: Floats, time: float) -> bool:
+        """Whether some of what may touch may be nearer at `time` [s] than it keeps (`may_meet`)."""
+        thick = max(toucher.thickness for toucher in self.touchers)
+        if self.may_meet(world, np.full(len(self.system.parts), thick), [time]):
+            return True
+        return any(
+            (standing.depths(world[toucher.part.nodes][toucher.surface.points], time) > 0.0).any()
+            for standing in self.standings
+            for toucher in self.touchers
+            if standing.is_met_by_nodes
+        )
+
+    def overlaps(self, deep: Sequence[tuple[int, int, float]]) -> list[tuple[str, str, float]]:
+        """A body's name, another one's or an obstacle's, and how deep they are in each other [m],
+        where that is deeper than the distance that they keep.
+
+        Args: deep: two of `ranges` and their depth below that distance [m].
+        """
+        found = []
+        count = len(self.touchers)
+        for b, c, depth in deep:
+            own = self.touchers[b]
+            if c < count:
+                kept = 0.5 * (own.thickness + self.touchers[c].thickness)
+                other = f'body "{self.touchers[c].name}"'
+            else:
+                standing = self.owners[c - count]
+                kept = 0.0 if standing.surface is None else 0.5 * SKIN * own.thickness
+                other = f"obstacle[{standing.number}]"
+            if depth > (1.0 + INSIDE) * kept and b != c:
+                found.append((own.name, other, depth - kept))
+        return found
+
+    def cores_in(self, deep: Sequence[tuple[int, int, float]]) -> list[tuple[Part, int]]:
+        """Bodies and the numbers of obstacles whose cores are among those in each other."""
+        count = len(self.touchers)
+        owners = [(b, self.owners[c - count]) for b, c, _ in deep if c >= count]
+        return [(self.touchers[b].part, s.number) for b, s in owners if s.surface is None]
 
     def partners(self) -> list[tuple[Toucher, list[str], list[int]]]:
         """Each body with the names of others and the numbers of obstacles that its surface may
