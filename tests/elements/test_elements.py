@@ -16,6 +16,7 @@ import tisoft as ts
 from tisoft.elements.matrices import hooke_blocks, stiffest
 from tisoft.equilibrium.modes import natural_modes
 from tisoft.equilibrium.operators import Elastic
+from tisoft.equilibrium.pointwise import Pointwise, is_pointwise
 from tisoft.geometry.cage.build import caged
 from tisoft.geometry.cage.lattice import Lattice
 from tisoft.geometry.shapes import box
@@ -105,6 +106,20 @@ def test_product_is_the_slope_of_the_force(case):
     matrix = elastic.stiffness(u)
     assert np.abs(matrix @ w.ravel() - product.ravel()).max() < 1e-12 * np.abs(product).max()
     assert np.abs(matrix - matrix.T).max() < 1e-12 * np.abs(matrix).max()
+
+
+def test_operators_at_points_are_those_of_the_kernels(case):
+    _, elastic, u, w = case
+    if not is_pointwise(elastic.part):
+        pytest.skip("a law whose pull-back turns is left to the kernels")
+    apart = Pointwise(elastic.part)
+    assert apart.energy(u) == pytest.approx(elastic.energy(u), rel=1e-12)
+    pairs = [(apart.force(u), elastic.force(u))]
+    pairs += [(apart.stiffness_times(w, u), elastic.stiffness_times(w, u))]
+    pairs += [(apart.viscosity_times(w, u), elastic.viscosity_times(w, u))]
+    pairs += [(apart.stiffness(u).toarray(), elastic.stiffness(u).toarray())]
+    for found, wanted in pairs:
+        assert np.abs(found - wanted).max() < 1e-12 * np.abs(wanted).max()
 
 
 def test_rigid_motion_costs_nothing(case):

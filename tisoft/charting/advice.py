@@ -126,7 +126,7 @@ def survey_for(
 
 def measure(survey: Survey, tolerance: float) -> None:
     """Ask what the choice needs."""
-    survey.measure(others=False)
+    survey.measure(others=False, tolerance=tolerance)
     choice = Chart(survey.judged()).least(tolerance)
     turn = (survey.asking.known("static", survey.catalogue.current) or {}).get("turn")
     if choice is not None and turn is not None and turn < SMALL_TURN:

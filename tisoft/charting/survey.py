@@ -91,8 +91,17 @@ class Survey:
         """All variants of which enough is known, the scene itself first."""
         return self.judging.judged()
 
-    def measure(self, *, others: bool = True, workers: dict[str, Any] | None = None) -> None:
-        """Ask what the budget allows; raises SceneError for a scene that cannot be charted."""
+    def measure(
+        self, *, others: bool = True, tolerance: float = 0.0, workers: dict[str, Any] | None = None
+    ) -> None:
+        """Ask what the budget allows; raises SceneError for a scene that cannot be charted.
+
+        Args:
+            others: whether models, precisions and integrators vary too, costs are timed and paths
+                run.
+            tolerance: what is coarser than something too coarse for it is not looked at.
+            workers: who answers besides.
+        """
         now = self.catalogue.current
         self._first_look(now)
         candidates = [v for v in self._candidates(others=others) if self._may_be(v)]
@@ -102,6 +111,8 @@ class Survey:
         if self.patient and any(self._is_long(v) for v in candidates):
             self._find_linear_ruler()
         for variant in sorted(candidates, key=self._wait):
+            if tolerance and self._is_hopeless(variant, tolerance):
+                continue
             self._answers(variant, 0.9 if len(self.judged()) < 2 else self._share)
         self.asking.ask("timing", now, 0.97)
         self._time()
@@ -286,11 +297,22 @@ class Survey:
             missing.append("linear static")
         return sum(self.asking.needs(what, shared) for what in missing)
 
+    def _is_hopeless(self, variant: Variant, tolerance: float) -> bool:
+        """Whether the same element on a finer mesh is too coarse already."""
+        size = self.asking.size(variant)
+        return size is not None and any(
+            v.element == size["element"] and v.model == size["model"]
+            and v.elements >= size["elements"] and v.worst.value - v.worst.bar > tolerance
+            for v in self.judged()
+        )  # fmt: skip
+
     def _is_long(self, variant: Variant) -> bool:
-        """Whether its static answer takes longer than there is time."""
+        """Whether its static answer takes longer than there is time, and a linear one does not."""
         shared = self.judging.shares_errors(variant)
         room = self._share * self.budget - self.asking.spent()
-        return not self.asking.has("static", shared) and self.asking.needs("static", shared) > room
+        if self.asking.has("static", shared) or self.asking.needs("static", shared) <= room:
+            return False
+        return self._wait(variant) <= room
 
     def _answers(self, variant: Variant, share: float = 1.0) -> None:
         """Static answer, modes and step of a variant, where the budget allows."""

@@ -1,9 +1,9 @@
-"""Operators of tets whose law is looked at point by point: f(u), K(u), C(u), V(u), in f64.
+"""Operators of cells whose law is looked at point by point: f(u), K(u), C(u), V(u), in f64.
 
     H = D u,   f = −Dᵀ (V P(H)),   K = Dᵀ (V ∂P/∂F) D,   C = Dᵀ (V ∂P_v/∂Ḣ) D,   V(u) = Σ V Ψ(H)
 
 D, which holds ∇N of all points, is a sparse matrix; only the law is a kernel, so that an element of
-ten nodes compiles no longer than one of four.
+ten nodes compiles no longer than one of four.  Hexahedra add their `hourglass` modes.
 """
 
 from __future__ import annotations
@@ -15,10 +15,13 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from tisoft import runtime
+from tisoft.elements.hexahedron import Hexahedron
+from tisoft.elements.pull_back import turns
 from tisoft.elements.quadratic import Quadratic
 from tisoft.elements.tet4 import Tet4
 from tisoft.equilibrium import assembly
 from tisoft.equilibrium.at_points import law_kernel
+from tisoft.equilibrium.hourglass import Hourglass
 from tisoft.model.part import Part
 
 Floats = NDArray[np.float64]
@@ -27,15 +30,29 @@ MOST_POINTS = 60_000
 """Above, kernels of the whole element are worth their compiling."""
 
 
+HEXAHEDRON = 4
+"""Points that a hexahedron counts as."""
+
+
 def is_pointwise(part: Part) -> bool:
-    """Whether all of the body's cells are tets, and few enough."""
-    kinds = all(issubclass(cells.element, Tet4 | Quadratic) for cells in part.solids)
-    points = sum(len(cells.nodes) * cells.element.points for cells in part.solids)
-    return bool(part.solids) and kinds and points <= MOST_POINTS
+    """Whether that is worth it: few enough cells, and hexahedra of a law that does not turn what it
+    pulls back.
+    """
+    points = 0
+    for cells in part.solids:
+        if issubclass(cells.element, Hexahedron):
+            points += HEXAHEDRON * len(cells.nodes)
+            if part.solid_law.is_finite and turns(part.solid_law):
+                return False
+        elif issubclass(cells.element, Tet4 | Quadratic):
+            points += cells.element.points * len(cells.nodes)
+        else:
+            return False
+    return 0 < points <= MOST_POINTS
 
 
 class Pointwise:
-    """Operators of one body with tets; see `operators.Elastic`."""
+    """Operators of one body with solid cells; see `operators.Elastic`."""
 
     def __init__(self, part: Part) -> None:
         self.part = part
@@ -45,6 +62,11 @@ class Pointwise:
         self.law = part.solid_law
         shares = [_Share(cells, self.law) for cells in part.solids]
         self._shares = shares
+        self._modes = [
+            Hourglass(cells, self.nodes, finite=self.is_finite)
+            for cells, share in zip(part.solids, shares, strict=True)
+            if share.is_hexahedra
+        ]
         self._rows = sparse.vstack([share.slopes(self.nodes) for share in shares], format="csr")
         self._columns = self._rows.T.tocsr()
         self._volumes = np.concatenate([share.volumes.ravel() for share in shares])
@@ -54,6 +76,8 @@ class Pointwise:
         self._u = np.zeros((self.nodes, 3))
         self._slopes: dict[str, Floats] = {}
         """∂P/∂F ("tangent") and ∂P_v/∂Ḣ ("rate") of the points at u, shape (points, 9, 9)."""
+        self._bricks: dict[str, list[Floats]] = {}
+        """The same of hourglass modes: element matrices."""
 
     @property
     def is_finite(self) -> bool:
@@ -79,7 +103,7 @@ class Pointwise:
     def look(self, u: Floats) -> None:
         """Choose the state u of the products that follow."""
         if not self._slopes or not np.array_equal(u, self._u):
-            self._u, self._slopes = u.copy(), {}
+            self._u, self._slopes, self._bricks = u.copy(), {}, {}
 
     def _slope(self, what: str) -> Floats:
         if what not in self._slopes:
@@ -87,12 +111,23 @@ class Pointwise:
             self._slopes[what] = self._at_points(what, H, 81).reshape(-1, 9, 9)
         return self._slopes[what]
 
+    def _hourglass(self, what: str) -> list[Floats]:
+        if what not in self._bricks:
+            self._bricks[what] = [g.matrices(what, self._u) for g in self._modes]
+        return self._bricks[what]
+
     def _times(self, what: str, w: Floats) -> Floats:
-        return self._spread(np.matmul(self._slope(what), self._gradient(w).reshape(-1, 9, 1)))
+        total = self._spread(np.matmul(self._slope(what), self._gradient(w).reshape(-1, 9, 1)))
+        for modes, matrices in zip(self._modes, self._hourglass(what), strict=True):
+            total += modes.times(matrices, w)
+        return total
 
     def force(self, u: Floats) -> Floats:
         """Elastic forces f(u) = −∂V/∂u [N], shape (nodes, 3)."""
-        return -self._spread(self._at_points("stress", self._gradient(u), 9))
+        total = -self._spread(self._at_points("stress", self._gradient(u), 9))
+        for modes in self._modes:
+            total += modes.force(u)
+        return total
 
     def stiffness_times(self, w: Floats, u: Floats | None = None) -> Floats:
         """K(u) w [N], shape (nodes, 3); without u, at the state looked at."""
@@ -109,7 +144,7 @@ class Pointwise:
     def energy(self, u: Floats) -> float:
         """Elastic energy V(u) [J]."""
         densities = self._at_points("energy", self._gradient(u), 1)[:, 0]
-        return float(self._volumes @ densities)
+        return float(self._volumes @ densities) + sum(modes.energy(u) for modes in self._modes)
 
     def least_volume_change(self, u: Floats) -> float:
         """Smallest det F over all points."""
@@ -119,9 +154,11 @@ class Pointwise:
         """K(u) [N/m] as a sparse matrix, unknown 3 node + axis."""
         self.look(u)
         tangents, begun, matrices = self._slope("tangent"), 0, []
+        bricks = iter(self._hourglass("tangent"))
         for share in self._shares:
             count = share.volumes.size
-            matrices.append(share.matrices(tangents[begun : begun + count]))
+            own = share.matrices(tangents[begun : begun + count])
+            matrices.append(own + next(bricks) if share.is_hexahedra else own)
             begun += count
         return self._pattern.matrix(matrices)
 
@@ -140,6 +177,7 @@ class _Share:
     def __init__(self, cells: Any, law: Any) -> None:
         self.nodes = cells.nodes
         self.gradients = cells.gradients
+        self.is_hexahedra = issubclass(cells.element, Hexahedron)
         quadratic = issubclass(cells.element, Quadratic)
         whole = cells.element.at_points(cells.rest)[1] if quadratic else cells.volume[:, None]
         self.volumes = np.asarray(whole, np.float64)
