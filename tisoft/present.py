@@ -397,8 +397,13 @@ class Present:
         return others
 
     def rehearse(self) -> None:
-        """Compile what taking over a change needs; changes nothing."""
+        """Compile what taking over a change needs, and the guard's second look at its energy;
+        changes nothing.
+        """
         self._reread()
+        self.stepper.save()
+        self.stepper.restore()
+        self.system.set_motion(*self.system.motion())
 
     def _check_changes(self) -> None:
         """Refuse what cannot be followed before anything is taken."""

@@ -13,13 +13,13 @@ from tisoft.charting import estimate
 from tisoft.charting.advice import advise
 from tisoft.charting.carriers import carrier
 from tisoft.charting.chart import Chart
-from tisoft.charting.estimate import Error
+from tisoft.charting.estimate import Error, Ruler
 from tisoft.charting.judged import Judged, with_pareto
 from tisoft.charting.linearly import linear_ruler
 from tisoft.charting.page import page
 from tisoft.charting.picture import files
 from tisoft.charting.records import Place, linear_static_of, static_of
-from tisoft.charting.rulers import ruler_of
+from tisoft.charting.rulers import agreed, ruler_of
 from tisoft.charting.survey import Survey
 from tisoft.charting.thumbnails import picture
 from tisoft.errors import SceneError
@@ -186,3 +186,26 @@ def test_a_picture_of_a_variant_knows_gravity_in_rows():
         scene.add_body(ts.box((1, 0.2, 0.2), (2, 1, 1)), ts.Linear(1e6, 0.3, 1000.0))
         drawn.append(picture(scene, None))
     assert drawn[0] == drawn[1] and drawn[0].startswith("data:image/png")
+
+
+def test_rulers_that_contradict_each_other_are_as_uncertain_as_they_differ():
+    old, close, far = (
+        Ruler(np.array([v]), bar) for v, bar in ((1.0, 0.01), (1.01, 0.02), (2.0, 0.1))
+    )
+    assert agreed(old, close) is old and agreed(close, old) is old
+    assert agreed(old, far).value == 2.0 and agreed(old, far).bar == pytest.approx(0.5)
+
+
+def test_an_early_interrupt_keeps_and_tells_what_is_known(scene, tmp_path, capsys, monkeypatch):
+    def stopped(self, tolerance):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Survey, "_find_rulers", stopped)
+    out = tmp_path / "out"
+    assert cli.main(["chart", str(scene), "-o", str(out)]) == 130
+    told = capsys.readouterr()
+    assert "frequencies at 1." in told.out and "goes on from there" in told.err
+    assert (out / "chart.csv").read_text().count("\n") == 2
+    assert cli.main(["advise", str(scene), "-o", str(tmp_path / "good.toml")]) == 130
+    assert "frequencies at 1." in capsys.readouterr().out
+    assert not (tmp_path / "good.toml").exists()

@@ -148,7 +148,8 @@ def _advice(survey: Survey, chart: Chart, tolerance: float, whole: bool) -> Advi
     choice, now = chart.least(tolerance), chart.current
     reserves = [] if whole else [CUT_SHORT]
     if choice is None:
-        choice = min(chart.variants, key=lambda v: v.worst.most)
+        likely = [v for v in chart.variants if v.worst.value <= tolerance]
+        choice = min(likely, key=lambda v: v.cost) if likely else _best(chart)
         reserves.append(_short_of(survey, choice, tolerance))
     reserves += doubts(survey)
     own = survey.source if isinstance(survey.source, Scene) else str(survey.source)
@@ -160,17 +161,21 @@ def _advice(survey: Survey, chart: Chart, tolerance: float, whole: bool) -> Advi
     )  # fmt: skip
 
 
+def _best(chart: Chart) -> Judged:
+    return min(chart.variants, key=lambda v: v.worst.most)
+
+
 def _short_of(survey: Survey, choice: Judged, tolerance: float) -> str:
     bar = max(ruler.bar for ruler in survey.judging.rulers.values())
     if bar > tolerance:
         return (
             f"tolerance {tolerance:g} is below the ruler's own bar ({bar:.2g}): nothing can be "
-            f"certain to keep it; the best found is {choice.name}, which errs by "
+            f"certain to keep it; the likeliest found is {choice.name}, which errs by "
             f"{told(choice.worst)}"
         )
     return (
-        f"no variant is certain to err by less than {100 * tolerance:g} %: the best that the "
-        f"time reached is {choice.name}, which errs by {told(choice.worst)}"
+        f"no variant is certain to err by less than {100 * tolerance:g} %: the likeliest that "
+        f"the time reached is {choice.name}, which errs by {told(choice.worst)}"
     )
 
 

@@ -32,11 +32,16 @@ class Patience:
     """Foretells seconds of answers, corrected by how long others took."""
 
     _ratios: deque[float] = field(default_factory=lambda: deque(maxlen=5))
+    _statics: deque[float] = field(default_factory=lambda: deque(maxlen=3))
+    """Of static answers alone: how many steps they take is the scene's."""
     _seen: set[tuple[str, ...]] = field(default_factory=set)
 
     def needs(self, what: str, kind: tuple[str, ...], size: Mapping[str, Any]) -> float:
         """Seconds of "static", "modes", "exact modes" or "step" of an element and a model."""
-        return self._supposed(what, kind, size) * self.slowness
+        slowness = self.slowness
+        if what == "static" and self._statics:
+            slowness = max(slowness, *self._statics)
+        return self._supposed(what, kind, size) * slowness
 
     def timing(self, kind: tuple[str, ...]) -> float:
         """Seconds of a timing of an element, model, precision and integrator."""
@@ -64,6 +69,8 @@ class Patience:
         is_first = what == "static" and (what, *kind) not in self._seen  # a law is compiled too
         if supposed > 0.2 and not is_first:
             self._ratios.append(seconds / supposed)
+            if what == "static":
+                self._statics.append(seconds / supposed)
         self._seen.add((what, *kind))
 
     def _supposed(self, what: str, kind: tuple[str, ...], size: Mapping[str, Any]) -> float:

@@ -74,3 +74,13 @@ def ruler_of(worse: Any, better: Any, what: str, range_: tuple[float, float]) ->
         off = (np.asarray(better) - np.asarray(worse)) / made.value
         return Ruler(made.value, range_[1] * float(np.sqrt((off**2).mean())))
     return made
+
+
+def agreed(old: Ruler, new: Ruler) -> Ruler:
+    """The sharper of two rulers of one quantity; where they contradict each other, the new one,
+    which rests on finer meshes, with their difference as its bar.
+    """
+    apart = new.error(old.value).value
+    if apart > old.bar + new.bar:
+        return Ruler(new.value, apart)
+    return min(old, new, key=lambda ruler: ruler.bar)

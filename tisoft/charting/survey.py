@@ -23,7 +23,7 @@ from tisoft.charting.judged import Judged
 from tisoft.charting.judging import Judging
 from tisoft.charting.linearly import linear_ruler
 from tisoft.charting.records import Bench, places_of
-from tisoft.charting.rulers import TWIN, Pair, pairs_of, ruler_of
+from tisoft.charting.rulers import TWIN, Pair, agreed, pairs_of, ruler_of
 from tisoft.charting.variants import CURRENT, Catalogue, Variant
 from tisoft.errors import SceneError
 from tisoft.scene import Scene
@@ -34,6 +34,8 @@ SHARES = {"ruler": 0.5, "answers": 0.65, "timing": 0.85, "path": 0.95}
 """Of the budget, at which each stage must be over."""
 RULER_ALONE = 0.8
 """Of what is left of the budget, that the first ruler may take."""
+ENOUGH = 0.3
+"""Share of the tolerance within which the ruler's bar needs nothing better."""
 MOST_OVER = 1.2
 """Times the budget, that the first look may take by what is known before."""
 NO_TIME = "there was no time to find the equilibrium; give a larger budget"
@@ -107,7 +109,7 @@ class Survey:
         candidates = [v for v in self._candidates(others=others) if self._may_be(v)]
         if workers:
             self._spread(candidates, workers)
-        self._find_rulers()
+        self._find_rulers(tolerance)
         if self.patient and any(self._is_long(v) for v in candidates):
             self._find_linear_ruler()
         for variant in sorted(candidates, key=self._wait):
@@ -167,15 +169,19 @@ class Survey:
 
     # -- rulers --------------------------------------------------------------------------------
 
-    def _find_rulers(self) -> None:
-        """The best pair of answers that its share of the budget allows; the first one always."""
+    def _find_rulers(self, tolerance: float) -> None:
+        """The best pair of answers that its share of the budget allows, the first one always; none
+        that is not known yet where the bars are well within the tolerance.
+        """
         pairs = list(pairs_of(self.catalogue, twin=False))
         rulers = self.judging.rulers
         if not pairs or not self._take(pairs[0], always=True):
             for pair in pairs_of(self.catalogue, twin=True):
                 self._take(pair, always=not rulers)
         for pair in pairs[1:] if rulers else []:
-            self._take(pair)
+            is_new = not self.asking.has("static", pair.better)
+            if not (is_new and max(r.bar for r in rulers.values()) <= ENOUGH * tolerance):
+                self._take(pair)
         if not rulers:
             raise SceneError(self._no_ruler(pairs))
         for missing in set(self._quantities()) - set(rulers):
@@ -218,7 +224,7 @@ class Survey:
         size = self.asking.size(pair.better)
         if size is None or size["nodes"] > LARGEST_RULER:
             return False
-        share = 0.65 if self.patient else SHARES["ruler"]
+        share = 0.5 if self.patient else SHARES["ruler"]
         if always:  # within the whole budget all the same
             needs = sum(self.asking.needs(w, pair.better) for w in ("static", "exact modes"))
             if needs > RULER_ALONE * (self.budget - self.asking.spent()) and TWIN != pair.told:
@@ -233,8 +239,7 @@ class Survey:
                 continue
             made = ruler_of(a, b, what, pair.range_)
             old = self.judging.rulers.get(what)
-            if old is None or made.bar < old.bar:
-                self.judging.rulers[what] = made
+            self.judging.rulers[what] = made if old is None else agreed(old, made)
             found = True
         if found and pair.told:
             self.warn(pair.told)
