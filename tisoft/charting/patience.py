@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from statistics import median
 from typing import Any
 
-COMPILED = {
+COMPILED: dict[tuple[str, ...], dict[str, float]] = {
     ("hex8", "neo-hookean"): {"static": 12.0},
     ("spring", "mass-spring"): {"static": 4.0, "modes": 3.0, "exact modes": 3.0},
 }
