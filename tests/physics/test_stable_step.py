@@ -249,3 +249,19 @@ def test_scaled_body_has_the_scaled_step():
     small, large = beam(), beam().transformed(scale=1000.0)
     steps = [simulate((mesh, rubber())).stable_step() for mesh in (small, large)]
     assert steps[1] == pytest.approx(1000 * steps[0], rel=1e-12)
+
+
+def test_a_bound_that_a_squashed_node_lets_fall_is_sharpened_soon():
+    """By a step that is sharp's share again, where waiting as ever would keep a third of it."""
+    scene = ts.Scene(gravity=(0, 0, 0))
+    scene.add_body(ts.box(size=(1, 1, 1), cells=(4, 4, 4)), ts.ViscoElastic(1e5, 0.3, 1000.0))
+    sim = ts.Simulation(scene, threads=1, precision="f64")
+    x = sim.positions()
+    x[np.abs(x - [0.5, 1, 0.5]).sum(axis=1).argmin(), 1] -= 0.22
+    at_rest = sim.limit.chosen(0)
+    sim.set_state(x, 0 * x)
+    assert sim.limit.chosen(1) < 0.6 * at_rest
+    for substeps in (4000, 8000):  # it rises to what would have served for a while
+        sim.limit.moved()
+        found = sim.limit.chosen(substeps)
+    assert 0.7 * at_rest < found < 1.01 * at_rest

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,9 +24,12 @@ SAFETY = 0.95
 DRIFT = 0.1
 """Relative change of the bound up to which the last sharp limit is trusted."""
 SPARE = 200
-"""Substeps between two sharp limits, per product that the last took (a product in f64 costs up to
-eight substeps): 4 % of the run.  The first one after that at rest waits as long, so that no frame
-of a short run waits for it."""
+"""Substeps between two sharp limits, per product with the whole scene that the last took (a product
+in f64 costs up to eight substeps): 4 % of the run.  The first one after that at rest waits as long,
+so that no frame of a short run waits for it."""
+FALLEN, SOON = 0.6, 10
+"""Share of the bound of the last sharp limit below which so many substeps, per product, are enough:
+a few tets squashed by contact let the bound fall to a fifth, and the limit not at all."""
 PATIENCE = 2000
 """Substeps through which a longer step must have been allowed before it is taken."""
 ASSEMBLED = 30_000
@@ -64,7 +68,7 @@ class StepLimit:
         """The bound that was known before the state became another one."""
         self._sharp: tuple[float, float] | None = None
         self._rest_bounds: tuple[float, float] = (np.inf, np.inf)
-        self._next_look = 0
+        self._next_look = self._next_soon = 0
         self.sharpens = True
         """Whether the sharp limit is found anew in states far from rest, which takes a while."""
         self.refresh()
@@ -153,8 +157,10 @@ class StepLimit:
         return 0.0 if bound == before else abs(bound - before) / before if before > 0.0 else np.inf
 
     def _look(self, parts: list[Part], u: NDArray[np.float64] | None) -> tuple[float, int]:
-        """The parts' sharp limit [s] at displacements u, or at rest, and the products it took."""
-        step, products = np.inf, 0
+        """The parts' sharp limit [s] at displacements u, or at rest, and the products with the
+        whole scene that it took as much as.
+        """
+        step, products = np.inf, 0.0
         for part in parts:
             found = sharp_limit(
                 part,
@@ -162,8 +168,9 @@ class StepLimit:
                 u=None if u is None else u[part.nodes],
                 elastic=self._operators(part, at_rest=u is None),
             )
-            step, products = min(step, found.step), products + found.products
-        return step, products
+            step = min(step, found.step)
+            products += found.products * part.elements / max(1, self.system.elements)
+        return step, math.ceil(products)
 
     def _operators(self, part: Part, *, at_rest: bool) -> Any:
         if at_rest and 0 < part.elements <= ASSEMBLED:
@@ -181,7 +188,7 @@ class StepLimit:
                 max(self._rest_bounds[0], solid),
                 max(self._rest_bounds[1], self._look(nets, None)[0]),
             )
-            self._next_look = SPARE * products
+            self._wait(0, products)
         return self._sharp
 
     @property
@@ -227,17 +234,22 @@ class StepLimit:
             return np.inf
         if self._reference is None:
             self._reference = (self._sharp_at_rest()[0], self._rest_bounds[0])
-        if self.sharpens and self._has_drifted(bound) and substeps >= self._next_look:
+        due = self._next_soon if bound < FALLEN * self._reference[1] else self._next_look
+        if self.sharpens and self._has_drifted(bound) and substeps >= due:
             u = self.system.u.astype(np.float64)
             for part in self.system.parts:
                 u[part.nodes] += part.shift
             sharp, products = self._look(self._solids, u)
             self._reference = (max(sharp, bound), bound)
-            self._next_look = substeps + SPARE * products
+            self._wait(substeps, products)
         sharp, reference = self._reference
         if self._has_drifted(bound):
             return SAFETY * bound
         return max(SHARE * sharp * min(1.0, bound / reference), SAFETY * bound)
+
+    def _wait(self, substeps: int, products: int) -> None:
+        """Say when the limit may be sharpened again, after so many substeps and products."""
+        self._next_look, self._next_soon = substeps + SPARE * products, substeps + SOON * products
 
     def _solid_bound(self) -> float:
         """The bound of the tets alone, in the present state [s]."""
@@ -268,6 +280,7 @@ class StepLimit:
             "sharp": sharp,
             "bound": bound,
             "next": self._next_look,
+            "soon": self._next_soon,
             "held": self._held,
             "window_start": self._window_start,
             "window_least": self._window_least,
@@ -280,7 +293,8 @@ class StepLimit:
         self._sharp = (state["rest"][0], state["rest"][1])
         if state["sharp"] is not None:
             self._reference = (state["sharp"], state["bound"])
-        self._next_look, self._held = state["next"], state["held"]
+        self._next_look, self._next_soon = state["next"], state["soon"]
+        self._held = state["held"]
         self._window_start, self._window_least = state["window_start"], state["window_least"]
         self._bound, self._is_new = state["last"], state["new"]
 
