@@ -45,7 +45,6 @@ class Table:
         self.path = folder / self.name
         self._goes_on = goes_on
         self._file: GrowingFile | None = None
-        self._rows: list[list[Any]] = []
 
     def header(self, sim: Simulation) -> list[str]:
         """Names of the columns after the time."""
@@ -65,7 +64,7 @@ class Table:
             earlier = sum(len(line) for line in self._earlier(sim.frame))
             self._file = GrowingFile(self.path, keep=earlier)
         else:
-            self._write([["time", *self.header(sim)]])
+            self._write(["time", *self.header(sim)])
 
     def _earlier(self, frame: int) -> list[bytes]:
         """The header and the rows of the frames before `frame`."""
@@ -86,20 +85,17 @@ class Table:
             self._file.sync()
 
     def on_frame(self, frame: Frame) -> None:
-        self._rows.append([frame.time, *self.row(frame)])
-        if frame.is_present:  # rows of frames made together are written together
-            rows, self._rows = self._rows, []
-            self._write(rows)
+        self._write([frame.time, *self.row(frame)])
 
     def __exit__(self, *_: object) -> None:
         if self._file is not None:
             self._file.close()
 
-    def _write(self, rows: list[list[Any]]) -> None:
-        lines = io.StringIO()
-        csv.writer(lines, lineterminator="\n").writerows(rows)
+    def _write(self, cells: list[Any]) -> None:
+        line = io.StringIO()
+        csv.writer(line, lineterminator="\n").writerow(cells)
         assert self._file is not None
-        self._file.append(lines.getvalue())
+        self._file.append(line.getvalue())
 
 
 class ProbeTable(Table):
