@@ -220,14 +220,14 @@ def test_interruption_ends_between_frames_with_whole_files(scene, tmp_path, monk
 def test_failed_simulation_ends_with_3_and_keeps_the_good_frames(
     scene, tmp_path, monkeypatch, capsys
 ):
-    step = Simulation.step
+    make = Simulation.make_frame
 
-    def fail(self):
+    def fail(self, **asked):
         if self.frame == 2:
             raise Diverged("frame 2 could not be carried by any step")
-        return step(self)
+        return make(self, **asked)
 
-    monkeypatch.setattr(Simulation, "step", fail)
+    monkeypatch.setattr(Simulation, "make_frame", fail)
     out = tmp_path / "out"
     assert main(["run", scene, "-o", str(out), "--json"]) == 3
     told, error = capsys.readouterr()

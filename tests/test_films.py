@@ -55,8 +55,10 @@ def place_in(camera, points, aspect):
 
 def test_a_film_steps_every_frame_once(fall, tmp_path, monkeypatch, capsys):
     steps = []
-    step = Simulation.step
-    monkeypatch.setattr(Simulation, "step", lambda sim: steps.append(1) or step(sim))
+    make = Simulation.make_frame
+    monkeypatch.setattr(
+        Simulation, "make_frame", lambda sim, **asked: steps.append(1) or make(sim, **asked)
+    )
     film = str(tmp_path / "film.gif")
     assert main(["render", str(fall), "-o", film, "--json", "--color", "speed", *SMALL]) == 0
     assert json.loads(capsys.readouterr().out)["pictures"] == 5

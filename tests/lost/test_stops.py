@@ -126,16 +126,16 @@ def test_a_stop_that_a_library_swallows_comes_all_the_same(scene, capsys, monkey
 def test_a_frame_that_takes_too_long_is_cut(scene, tmp_path, monkeypatch):
     from tisoft.simulation import Simulation
 
-    step = Simulation.step
+    make = Simulation.make_frame
 
-    def slow(self):
+    def slow(self, **asked):
         if self.frame == 3:
             signal.raise_signal(signal.SIGTERM)
             time.sleep(30.0)
-        return step(self)
+        return make(self, **asked)
 
     monkeypatch.setattr(stops, "PATIENCE", 0.05)
-    monkeypatch.setattr(Simulation, "step", slow)
+    monkeypatch.setattr(Simulation, "make_frame", slow)
     begun = time.monotonic()
     assert main(["run", scene, "-o", str(tmp_path / "out"), "--quiet"]) == 143
     assert time.monotonic() - begun < 20.0
