@@ -238,7 +238,9 @@ class Present:
         if self._obstacles:
             shapes = list(OBSTACLES.values())
             kinds = [shapes.index(type(o)) for o in self._obstacles]
-            self.system.set_obstacles(self._obstacles, kinds, self.time, self._speeds())
+            speeds = self._speeds()
+            self.system.set_obstacles(self._obstacles, kinds, self.time, speeds)
+            self.system.order("orders", columns.EASES, int((speeds < STILL).any()))
         if self.touching is not None:
             self.touching.place_origins()
 

@@ -13,10 +13,10 @@ G = 9.81
 RUBBER = ts.ViscoElastic(1e5, 0.3, 1000.0, phi=40.0, eta=40.0)
 
 
-def run(mesh, *, friction=0.0, seconds=0.2, velocity=(0, 0, 0)):
+def run(mesh, *, friction=0.0, seconds=0.2, velocity=(0, 0, 0), gravity=G):
     plane = ts.Plane(point=(0, 0, 0), normal=(0, 1, 0), friction=friction)
     body = (mesh, RUBBER, {"velocity": velocity})
-    sim = simulate(body, h=4e-4, substeps=25, gravity=(0, -G, 0), obstacles=[plane])
+    sim = simulate(body, h=4e-4, substeps=25, gravity=(0, -gravity, 0), obstacles=[plane])
     sim.ledger = True
     lowest = []
     for _ in range(round(seconds / 0.01)):
@@ -56,3 +56,17 @@ def test_a_block_in_a_lattice_that_does_not_fit_slides_by_coulomb():
     sim, lowest = run(caged(points, triangles, lattice), friction=0.3, velocity=(1.0, 0, 0))
     assert lowest.min() > -0.001
     assert center_velocity(sim)[0] == pytest.approx(1.0 - 0.3 * G * 0.2, rel=0.02)
+
+
+def test_a_ball_that_starts_inside_comes_out_at_the_speed_of_pushing():
+    """Many points push the same nodes, and none of them further than the deepest may come."""
+    points, triangles = sphere(0.1, 8)
+    mesh = ts.cage(points, triangles, cells_across=4).transformed(translate=(0, 0.09, 0))
+    sim, lowest = run(mesh, seconds=0.5, gravity=0.0)
+    speed = 0.01 / 0.344
+    assert lowest[0] < -0.009 and -1e-4 < lowest[-1] < 0.01
+    assert np.diff(lowest).max() < 2.0 * speed * 0.01
+    assert np.linalg.norm(sim.velocities(), axis=1).max() < 2.0 * speed
+    told = sim.energy()
+    assert 0.0 < told["dissipated"] < told["external_work"]
+    assert abs(told["error"]) < 0.5 * told["external_work"]

@@ -34,9 +34,10 @@ HELD_MEANS = 19
 """Column of `State.ranges`: first row of `Means`, then one past the last."""
 ORDERS = (
     FIRST, LAST, PASSES, THREADS, LOADED, DONE, TRIPPED, PROBES, PROBE, RECORDS, CHUNKS, TASK,
-    REACHED, HAND, HELD, TELLS,
-) = tuple(range(16))  # fmt: skip
-"""Columns of `State.orders`; TELLS: whether stretches record the elastic energy."""
+    REACHED, HAND, HELD, TELLS, EASES,
+) = tuple(range(17))  # fmt: skip
+"""Columns of `State.orders`; TELLS: whether stretches record the elastic energy;
+EASES: whether bodies are pushed out of obstacles."""
 MOVE, SUM, PUSH = range(3)
 """Tasks of a launch: make substeps; sum up the present state; leave its forces in the copies."""
 POWER = 8
@@ -49,7 +50,9 @@ STEP, GRAVITY, MOST_KINETIC, KICK = 0, 1, 4, 5
 """Columns of `State.settings`."""
 HANDS, HAND_NODES = 4, 32
 """Hands on the bodies of a scene, and nodes of each, at the most."""
-OBSTACLE_NUMBERS = VELOCITY + 6
+SLACK = VELOCITY + 6
+"""Column of an obstacle's numbers: how deep points that come out may still be in it [m]."""
+OBSTACLE_NUMBERS = SLACK + 1
 """Columns of an obstacle's numbers, see `obstacles.base`."""
 PRESSURE_NUMBERS = 7
 

@@ -393,7 +393,7 @@ class System:
             self.obstacle_lease = self._keep(Lease(self.lease.arena, needs))
             self.write_bodies()
         rows = [
-            [*o.numbers(part.origin, time)[0], o.friction, pushes[part.index, k], *np.zeros(6)]
+            [*o.numbers(part.origin, time)[0], o.friction, pushes[part.index, k], *np.zeros(7)]
             for part in self._meeting()
             for k, o in enumerate(obstacles)
         ]

@@ -18,7 +18,6 @@ from tisoft.model.state import (
     PASSES,
     PUSH,
     TASK,
-    TOUCH,
     TRIPPED,
 )
 from tisoft.step import consistent_mass, driving, external, forces, record, touch
@@ -88,8 +87,7 @@ def make_advance(s: Any) -> Any:
     def meet_obstacles(scene: int, number: int, passes: int):
         ti.loop_config(serialize=True)  # one point after the other, as on the CPU
         for _ in range(1):
-            first, last = s.state.ranges[scene, TOUCH], s.state.ranges[scene, TOUCH + 1]
-            touch.meet(s, first, last, now_of(s, scene, number, passes))
+            touch.meet(s, scene, now_of(s, scene, number, passes))
 
     @ti.kernel
     def sum_up(scene: int):

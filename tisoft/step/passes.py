@@ -23,7 +23,6 @@ from tisoft.model.state import (
     REACHED,
     TASK,
     THREADS,
-    TOUCH,
     TOUCH_SCENE,
     TRIPPED,
 )
@@ -119,9 +118,7 @@ def walk(s: ti.template(), scene, t, threads):
         if ti.static(s.touches):
             if task == MOVE:
                 if t == 0:
-                    touch.meet(
-                        s, s.state.ranges[scene, TOUCH], s.state.ranges[scene, TOUCH + 1], now
-                    )
+                    touch.meet(s, scene, now)
                 phase += 1
                 meet(s, scene, phase, threads)
         if ti.static(s.holds_means):

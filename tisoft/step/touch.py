@@ -10,6 +10,9 @@ with Δ_n the least that leaves the point outside (see `contact`), so that momen
 contact's impulse m̄ Δv alone.  One thread sees the points in their order: the bits do not depend on
 how many there are.
 
+Points that start inside come out together: the deepest of a body's at the speed at which its
+obstacle may push (`pushing`), those less deep once it is where they are.
+
 | symbol | name                 | unit |
 | ------ | -------------------- | ---- |
 | N_a    | `touch.share[p, a]`  | 1    |
@@ -18,7 +21,9 @@ how many there are.
 
 import taichi as ti
 
-from tisoft.obstacles.base import FRICTION
+from tisoft.model.state import EASES, SLACK, TOUCH
+from tisoft.moving import STILL
+from tisoft.obstacles.base import FRICTION, PUSH
 from tisoft.step.contact import gap_and_normal, surface_velocity
 from tisoft.step.fixed import free
 
@@ -33,10 +38,13 @@ def driven_velocity(s: ti.template(), i):
 
 
 @ti.func
-def meet(s: ti.template(), first, last, now):
-    """Let points from `first` to `last` meet the obstacles, all those of the same nodes at a time:
-    most are far away.
+def meet(s: ti.template(), scene, now):
+    """Let a scene's points meet the obstacles, all those of the same nodes at a time: most are far
+    away.
     """
+    first, last = s.state.ranges[scene, TOUCH], s.state.ranges[scene, TOUCH + 1]
+    if s.state.orders[scene, EASES]:
+        ease(s, first, last, now)
     p = first
     while p < last:
         end = p + s.touch.group[p]
@@ -44,6 +52,32 @@ def meet(s: ti.template(), first, last, now):
             for q in range(p, end):
                 meet_obstacles(s, q, now)
         p = end
+
+
+@ti.func
+def ease(s: ti.template(), first, last, now):
+    """Note how deep points may be after this pass in obstacles that push: as the deepest of their
+    body is, less what it is pushed.  Writes obstacle.
+    """
+    for p in range(first, last):
+        for row in range(s.touch.first[p], s.touch.last[p]):
+            s.state.obstacle[row, SLACK] = 0.0
+    for p in range(first, last):
+        x = carried_place(s, p)
+        for row in range(s.touch.first[p], s.touch.last[p]):
+            if s.state.obstacle[row, PUSH] < STILL:
+                gap, _ = gap_and_normal(s.state, row, x)
+                deep = -gap - s.state.obstacle[row, PUSH] * now.h
+                s.state.obstacle[row, SLACK] = ti.max(s.state.obstacle[row, SLACK], deep)
+
+
+@ti.func
+def carried_place(s: ti.template(), p):
+    """x of point p from its body's origin [m]."""
+    x = place(s, s.touch.corner[p, 0]) * 0.0
+    for a in range(s.touch.corners):
+        x += s.touch.share[p, a] * place(s, s.touch.corner[p, a])
+    return x
 
 
 @ti.func
@@ -90,9 +124,7 @@ def meet_obstacles(s: ti.template(), p, now):
 
     Reads touch.*, obstacle*, rest, inverse_mass, fixed; changes displacement, velocity, half, work.
     """
-    x = 0.0 * now.gravity
-    for a in range(s.touch.corners):
-        x += s.touch.share[p, a] * place(s, s.touch.corner[p, a])
+    x = carried_place(s, p)
     if away(s, p, x, now) < 0.0:
         push_out(s, p, x, now)
 
@@ -124,7 +156,10 @@ def push_out(s: ti.template(), p, x, now):
                     change -= (
                         ti.min(s.state.obstacle[row, FRICTION] * kick / speed, 1.0) * tangential
                     )
-                push = ti.max(-gap - h * kick, 0.0 * h) * normal
+                slack = s.state.obstacle[row, SLACK]
+                push = ti.max(-gap - h * kick - slack, 0.0 * h) * normal
+                if 0.0 < slack and gap <= -slack:  # the surface there moves out with the deepest
+                    w += s.state.obstacle[row, PUSH] * normal
                 for a in range(s.touch.corners):
                     i = s.touch.corner[p, a]
                     part = s.touch.share[p, a] * s.state.inverse_mass[i] / lightness
@@ -164,13 +199,14 @@ def shift(s: ti.template(), i, change, push, now):
 
 @ti.func
 def note(s: ti.template(), i, old, change, push, now):
-    """Add to the energy dissipated at node i, −m Δv·(v + Δv/2 − h a/2) + m a·push, and to the work
-    of its loads [J].
+    """Add to the energy dissipated at node i, −m Δv·(v + Δv/2 − h a/2), and to the work from
+    outside, −m a·push and that of its loads [J].
     """
     mass = 1.0 / s.state.inverse_mass[i]
     pull = s.state.pull[i]
-    taken = mass * (pull.dot(push) - change.dot(old + 0.5 * change - 0.5 * now.kick * pull))
+    taken = -mass * change.dot(old + 0.5 * change - 0.5 * now.kick * pull)
     s.state.work[i][0] = s.state.work[i][0] + taken
+    s.state.work[i][1] = s.state.work[i][1] - mass * pull.dot(push)
     if now.loaded:
         load = s.state.load[i] + s.state.pressed[i]
         s.state.work[i][1] = s.state.work[i][1] + load.dot(now.h * change + push)
