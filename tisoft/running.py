@@ -31,7 +31,7 @@ def run(sim: Any, count: int, observers: list[Any]) -> None:
 
 
 def _frames(sim: Any, count: int, observers: list[Any]) -> Iterator[Any]:
-    every = [getattr(observer, "looks_every", 1) for observer in observers] or [0]
+    every = [getattr(observer, "looks_every", 1) for observer in observers]
     tells = any(n != 1 for n in every)
     begun, last = sim.frame, sim.frame + count
     yield sim.here()

@@ -1,4 +1,4 @@
-"""What a run tells of frames that were made together: read off at once, before anything is moved.
+"""What a run tells of frames: read off their records at once, before anything is moved.
 
 A record holds sums and displacements from the bodies' origins as they were in its launch.
 """
@@ -18,9 +18,6 @@ from tisoft.step.account import Account
 from tisoft.step.observe import energy_tables
 
 Floats = NDArray[np.float64]
-
-NOTED = [5, 6, columns.TOUCHED, columns.TOUCHED + 1]
-"""Columns of a record that an Account collects."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +46,9 @@ def told_of(
     places = places_of(probed, system.probe_origins() + records[:, 1:, :3])
     told = []
     tables = energy_tables(system, records[:, 0], gravity)
-    for place, table, noted in zip(places, tables, records[:, 0, NOTED].tolist(), strict=True):
+    for place, table, noted in zip(
+        places, tables, records[:, 0, columns.NOTED].tolist(), strict=True
+    ):
         if account is not None:
             account.collect(*noted)
         told.append(Told(place, entries_of(account, table)))

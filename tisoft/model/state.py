@@ -44,6 +44,9 @@ POWER = 8
 """Column of a record: v·f [W] of elements and gravity, where the task is SUM."""
 TOUCHED = 9
 """Columns of a record from here on: contact's and friction's share of what is dissipated."""
+NOTED = [5, 6, TOUCHED, TOUCHED + 1]
+"""Columns of a record that the account collects: energy dissipated, external work [J], and these
+shares."""
 TOUCH_SCENE = 14
 """Column of `State.ranges`: the scene's row of contact's fields."""
 STEP, GRAVITY, MOST_KINETIC, KICK = 0, 1, 4, 5

@@ -25,6 +25,7 @@ from tisoft.model.mass import ConsistentMass, mass_rows
 from tisoft.model.part import Part, parts_of
 from tisoft.model.state import State
 from tisoft.model.touch import Touch, groups
+from tisoft.obstacles.base import VELOCITY
 
 Floats = NDArray[np.float64]
 
@@ -392,8 +393,9 @@ class System:
             needs = {"obstacles": count * len(self.parts)}
             self.obstacle_lease = self._keep(Lease(self.lease.arena, needs))
             self.write_bodies()
+        moves = np.zeros(columns.OBSTACLE_NUMBERS - VELOCITY)  # what kernels write themselves
         rows = [
-            [*o.numbers(part.origin, time)[0], o.friction, pushes[part.index, k], *np.zeros(7)]
+            [*o.numbers(part.origin, time)[0], o.friction, pushes[part.index, k], *moves]
             for part in self._meeting()
             for k, o in enumerate(obstacles)
         ]

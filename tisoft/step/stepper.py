@@ -260,8 +260,7 @@ class Stepper:
         """Energy dissipated and external work [J] in a stretch of the last launch; contact's and
         friction's share of the former.
         """
-        own = (5, 6, columns.TOUCHED, columns.TOUCHED + 1)
-        return [self._record(number, column) for column in own]
+        return [self._record(number, column) for column in columns.NOTED]
 
     def is_finite(self, number: int) -> bool:
         """Whether the state at the end of a stretch of the last launch is."""
