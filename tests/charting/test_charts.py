@@ -19,7 +19,7 @@ from tisoft.charting.linearly import linear_ruler
 from tisoft.charting.page import page
 from tisoft.charting.picture import files
 from tisoft.charting.records import Place, linear_static_of, static_of
-from tisoft.charting.rulers import agreed, ruler_of
+from tisoft.charting.rulers import Pair, agreed, ruler_of
 from tisoft.charting.survey import Survey
 from tisoft.charting.thumbnails import picture
 from tisoft.errors import SceneError
@@ -77,7 +77,8 @@ def test_predicted_errors_are_those_of_the_continuum_within_their_bars(scene):
     linear, better = survey.catalogue.current, make("tet10", 1.0)
     for what, truth in (("sag", [SAG]), ("frequency", FREQUENCIES)):
         worse, fine = (survey.asking.quantity(v, what, 1.0, exact=True) for v in (linear, better))
-        survey.judging.rulers = {what: ruler_of(worse, fine, what, estimate.SAME_MESH)}
+        pair = Pair(linear, better, estimate.SAME_MESH)
+        survey.judging.rulers = {what: ruler_of(what, [worse, fine], pair)}
         exact = estimate.Ruler(np.asarray(truth), 0.0)
         measure = estimate.frequency_error if what == "frequency" else error_of
         predicted, true = (

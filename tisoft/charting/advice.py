@@ -25,6 +25,12 @@ SECONDS = 8.5
 
 CUT_SHORT = "it was interrupted: variants that were not looked at yet may be better"
 
+NO_RUNS = (
+    "only paths could tell what this scene errs by, and advice has no time to run them; chart it: "
+    "tisoft chart SCENE -o DIR --budget 120"
+)
+UNKNOWN = "What the scene errs by was not found, so nothing is chosen in its place."
+
 
 @dataclass(frozen=True)
 class Advice:
@@ -57,17 +63,22 @@ class Advice:
                 "mesh": f"{self.choice.elements} elements, {self.choice.nodes} nodes",
                 "set": {key: value for key, _, value in pairs},
             },
-            "predicted_error": self.choice.worst.value,
-            "bar": self.choice.worst.bar,
-            "cost": self.choice.cost,
-            "current": {
-                "predicted_error": self.current.worst.value, "bar": self.current.worst.bar,
-                "cost": self.current.cost,
-            },
+            **_numbers(self.choice),
+            "current": _numbers(self.current),
             "reasons": self.reasons,
             "certain": self.certain,
             "warnings": self.warnings,
         }  # fmt: skip
+
+
+def _numbers(one: Judged) -> dict[str, float | None]:
+    """Error, bar and cost; nothing of an error that is not known."""
+    known = math.isfinite(one.worst.value)
+    return {
+        "predicted_error": one.worst.value if known else None,
+        "bar": one.worst.bar if known else None,
+        "cost": one.cost,
+    }
 
 
 def advise(
@@ -128,9 +139,20 @@ def measure(survey: Survey, tolerance: float) -> None:
     """Ask what the choice needs."""
     survey.measure(others=False, tolerance=tolerance)
     choice = Chart(survey.judged()).least(tolerance)
-    turn = (survey.asking.known("static", survey.catalogue.current) or {}).get("turn")
-    if choice is not None and turn is not None and turn < SMALL_TURN:
+    if choice is not None and _turns_little(survey):
         survey.ask_linear(choice.name)
+
+
+def _turns_little(survey: Survey) -> bool:
+    """Whether no cell turns by more than linear elasticity stands."""
+    return _turn(survey) < SMALL_TURN and not survey.may_turn()
+
+
+def _turn(survey: Survey) -> float:
+    """The largest rotation of a cell at rest [rad]; inf where it is not known."""
+    static = survey.asking.known("static", survey.catalogue.current) or {}
+    turn = static.get("turn")
+    return math.inf if turn is None else float(turn)
 
 
 def advice_of(survey: Survey, tolerance: float, *, whole: bool = True) -> Advice:
@@ -145,11 +167,12 @@ def advice_of(survey: Survey, tolerance: float, *, whole: bool = True) -> Advice
 
 
 def _advice(survey: Survey, chart: Chart, tolerance: float, whole: bool) -> Advice:
+    if not chart.variants:
+        return _nothing(survey, tolerance)
     choice, now = chart.least(tolerance), chart.current
     reserves = [] if whole else [CUT_SHORT]
     if choice is None:
-        likely = [v for v in chart.variants if v.worst.value <= tolerance]
-        choice = min(likely, key=lambda v: v.cost) if likely else _best(chart)
+        choice = _likeliest(survey, chart, tolerance)
         reserves.append(_short_of(survey, choice, tolerance))
     reserves += doubts(survey)
     own = survey.source if isinstance(survey.source, Scene) else str(survey.source)
@@ -161,12 +184,33 @@ def _advice(survey: Survey, chart: Chart, tolerance: float, whole: bool) -> Advi
     )  # fmt: skip
 
 
+def _nothing(survey: Survey, tolerance: float) -> Advice:
+    """The scene as it is, of whose errors nothing is known."""
+    now = survey.judging.judge(survey.catalogue.current, always=True)
+    if now is None:
+        raise SceneError(NO_RUNS)
+    reserves = [NO_RUNS, *doubts(survey)]
+    told_before = [w for w in survey.warnings if w not in reserves]
+    warnings = [*reserves, *told_before]
+    return Advice(survey.scene, now, now, tolerance, [UNKNOWN], False, warnings)
+
+
+def _likeliest(survey: Survey, chart: Chart, tolerance: float) -> Judged:
+    """The cheapest that is likely good enough; none cheaper than the scene where the ruler is too
+    blunt to tell one from another.
+    """
+    blunt = max((r.bar for r in survey.judging.rulers.values()), default=0.0) > tolerance
+    least = chart.current.cost if blunt else 0.0
+    likely = [v for v in chart.variants if v.worst.value <= tolerance and v.cost >= least]
+    return min(likely, key=lambda v: v.cost) if likely else _best(chart)
+
+
 def _best(chart: Chart) -> Judged:
     return min(chart.variants, key=lambda v: v.worst.most)
 
 
 def _short_of(survey: Survey, choice: Judged, tolerance: float) -> str:
-    bar = max(ruler.bar for ruler in survey.judging.rulers.values())
+    bar = max((ruler.bar for ruler in survey.judging.rulers.values()), default=0.0)
     if bar > tolerance:
         return (
             f"tolerance {tolerance:g} is below the ruler's own bar ({bar:.2g}): nothing can be "
@@ -200,8 +244,16 @@ def _reasons(survey: Survey, chart: Chart, choice: Judged, tolerance: float) -> 
         )
     elif now.name != choice.name:
         reasons.append(f"The scene as it is is too coarse: it errs by {told(now.worst)}.")
-    turn = (survey.asking.known("static", survey.catalogue.current) or {}).get("turn")
-    if turn is not None and turn < SMALL_TURN and choice.model != now.model == "viscoelastic":
+    own = [v for v in chart.variants if v.model == now.model == "mass-spring"]
+    if survey.catalogue.has_solid_twin and choice.model != "mass-spring" and own:
+        finest = min(own, key=lambda v: v.worst.value)
+        reasons.insert(
+            1,
+            f"Springs err as a model of the solid, whatever their mesh: the best of those tried by "
+            f"{told(finest.worst)}.",
+        )
+    if _turns_little(survey) and choice.model != now.model == "viscoelastic":
+        turn = _turn(survey)
         reasons.insert(
             1,
             f"No cell turns by more than {math.degrees(turn):.1g} degrees under the loads: linear "

@@ -29,6 +29,8 @@ class Asking:
     tick: Callable[[str], Any] = lambda told: None
     springs: bool = False
     """Whether springs are judged by themselves, which have no exact modes."""
+    touching: bool = False
+    """Whether surfaces may touch when it runs."""
     patience: Patience = field(default_factory=Patience)
     variants: list[Variant] = field(default_factory=list)
     """Those of which enough is known to be judged, in the order in which it came."""
@@ -98,9 +100,8 @@ class Asking:
         if what == "timing":
             return self.patience.timing(kind)
         if what == "path":
-            if not self.has("timing", variant):
-                return float("inf")  # its kernels would be compiled first
-            return 0.5 + 1.2 * self.cost(variant)[0] * self.duration
+            # Its kernels are those of a timing, compiled first where none was of their kind.
+            return self.patience.timing(kind) + 1.2 * self.cost(variant)[0] * self.duration
         return self.patience.needs(what, kind, size)
 
     def _kind(self, what: str, variant: Variant) -> tuple[tuple[str, ...], dict[str, Any]]:
@@ -112,20 +113,31 @@ class Asking:
 
         words = [size[k] for k in ("element", "model", "precision", "integrator")]
         alone = _threads(size) == 1 if what == "timing" else size["elements"] < SMALL
-        return (*words, "alone" if alone else "shared"), size  # loops are kernels of their own
+        words.append("alone" if alone else "shared")  # loops are kernels of their own
+        if self.touching and what in ("timing", "path"):
+            words.append(f"touching, {int(size['elements']).bit_length()} digits")
+        return tuple(words), size
 
     def cost(self, variant: Variant) -> tuple[float, bool]:
         """Seconds of computing a simulated second, and whether they were timed."""
-        timing = self.known("timing", variant)
-        if timing is not None:
-            return float(timing["cost"]), True
+        if (timed_cost := self.timed(variant)) is not None:
+            return timed_cost, True
         timed = [
-            (kind, float(found["cost"]))
+            (kind, cost)
             for other in self.variants
-            if (found := self.known("timing", other)) and (kind := self.kind_of(other))
+            if (cost := self.timed(other)) is not None and (kind := self.kind_of(other))
         ]
         own = self.kind_of(variant)
         return (predicted(own, timed), False) if own else (float("inf"), False)
+
+    def timed(self, variant: Variant) -> float | None:
+        """Seconds of computing a simulated second, in the stretches that a cost is timed in; of the
+        scene itself else over its path, frame by frame.  None where it was not run.
+        """
+        found = self.known("timing", variant)
+        if found is None and variant == self.variants[0]:
+            found = self.known("path", variant)
+        return None if found is None else float(found["cost"])
 
     def kind_of(self, variant: Variant) -> Kind | None:
         """What decides its cost."""

@@ -17,6 +17,8 @@ from tisoft.errors import SceneError
 from tisoft.scene import Scene
 
 TOLERANCES = (0.01, 0.02, 0.05, 0.1)
+MOST_DEARER = 4.0
+"""Times the scene's cost, up to which something better is worth a sentence."""
 WORDS = {"sag": "in its sag", "frequency": "in its frequencies", "path": "along its path"}
 
 
@@ -54,19 +56,25 @@ class Chart:
     def sentences(self) -> list[str]:
         """What the chart says, in two sentences."""
         now = self.current
-        parts = [f"{told(e)} {WORDS[q]}" for q, e in now.errors.items() if q != "path"]
-        if now.ran and "path" in now.decides:
-            parts.append(f"{told(now.errors['path'])} {WORDS['path']}")
-        first = f"Your scene errs by {' and '.join(parts)}, as predicted."
+        parts = [f"{told(e)} {WORDS[q]}" for q, e in now.errors.items() if q in now.decides]
+        how = "as it was run" if now.ran and now.decides == ("path",) else "as predicted"
+        first = f"Your scene errs by {' and '.join(parts)}, {how}."
         same = [v for v in self.variants if not v.current and v.worst.most <= now.worst.most]
         best = min(same, key=lambda v: v.cost, default=None)
         if best is not None and best.cost < 0.8 * now.cost:
             share = now.cost / best.cost
             return [first, f"No larger an error costs 1/{share:.3g} with {best.name}."]
-        equal = [v for v in self.variants if v.cost <= 1.2 * now.cost and not v.current]
-        better = min(equal, key=lambda v: v.worst.most, default=None)
-        if better is not None and better.worst.most < 0.8 * now.worst.most:
-            return [first, f"At no higher a cost {better.name} errs by {told(better.worst)}."]
+        better = [v for v in self.variants if v.worst.most < 0.8 * now.worst.most]
+        equal = [v for v in better if v.cost <= 1.02 * now.cost]
+        if equal:
+            best = min(equal, key=lambda v: v.worst.most)
+            return [first, f"At no higher a cost {best.name} errs by {told(best.worst)}."]
+        near = [v for v in better if v.cost < MOST_DEARER * now.cost]
+        if near:
+            best = min(near, key=lambda v: v.cost * v.worst.most)
+            share = best.cost / now.cost
+            second = f"For {share:.2g} times the cost {best.name} errs by {told(best.worst)}."
+            return [first, second]
         return [
             first,
             "None of the variants that were tried is much cheaper at no larger an error.",

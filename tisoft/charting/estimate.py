@@ -1,15 +1,23 @@
 """The ruler, and errors against it with their bars.
 
-With T10 the answer of quadratic tets on a mesh and T4 that of linear ones on the same tets, the
-truth is T10 + β (T10 − T4), 0 ≤ β ≤ 0.12; with quadratic tets on two meshes, the coarser C and the
-finer F, it is F + γ (F − C), 0 ≤ γ ≤ 1.3.  Both ranges were measured on shapes whose continuum
-values are known: beams, Poisson's ratio .49 among them, a bracket, a taper, an arc.  The middle of
-the range is the ruler, and its half is the ruler's bar, everything relative to the ruler.
+From a worse answer C and a better one F the truth is F + γ (F − C), γ within a range:
+
+    quadratic tets against linear ones on the same tets   0 … .18
+    quadratic tets on cells of half the size              0 … 1.3
+    the same where a third mesh, coarser still, shows them converge: r = D'·D/|D|² of the two
+    differences D (from it to C), D' (from C to F)        .05 … 1.2 r/(1 − r), from .65 to 1.3
+    springs, cages on cells of half the size              −.33 … 1 (order 2 or 1)
+
+measured on shapes whose continuum values are known or were computed on finer meshes: beams, a
+twisted bar, blocks and plates clamped at a side, Poisson's ratio .49 among them, a bracket, a
+taper, an arc.  Cells of another ratio ρ than a half scale γ by (2^1.8 − 1)/(ρ^1.8 − 1).  The
+middle of the range is the ruler, and its half is the ruler's bar, everything relative to the ruler.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,12 +26,23 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-SAME_MESH = (0.06, 0.06)
-"""β: middle and half of its range."""
-TWO_MESHES = (0.65, 0.65)
-"""γ: middle and half of its range."""
-OWN_MODEL = (0.33, 0.67)
-"""The same for springs, which have nothing better than themselves on a finer mesh: order 2 or 1."""
+Range = tuple[float, float]
+"""Middle and half of a range of γ."""
+SAME_MESH: Range = (0.09, 0.09)
+TWO_MESHES: Range = (0.65, 0.65)
+OWN_MODEL: Range = (0.33, 0.67)
+"""For springs and cages, which have nothing better than themselves on a finer mesh."""
+SWINGING: Range = (0.0, 0.5)
+"""Where the differences of three meshes point to opposite sides."""
+ORDER = 1.8
+LEAST, MOST_CERTAIN, MOST = 0.05, 0.65, 1.3
+"""Ends of the range of three meshes."""
+CONVERGING = 0.6
+"""The largest r that tells anything."""
+ASIDE = 0.5
+"""Share of what the second difference points aside of the first by, that adds to the bar."""
+HALVED = (1.7, 2.4)
+"""Ratios of cells for which three meshes are compared."""
 ROUNDING = {"f32": 1e-4, "f64": 1e-9}
 """Relative error that the precision alone may leave."""
 
@@ -65,12 +84,52 @@ def _norm(values: Floats) -> float:
     return float(np.sqrt((np.asarray(values) ** 2).sum()))
 
 
-def ruler(coarse: Any, fine: Any, range_: tuple[float, float]) -> Ruler:
-    """The ruler from a worse and a better answer, by one of the ranges above."""
+def ruler(coarse: Any, fine: Any, range_: Range, ratio: float = 2.0) -> Ruler:
+    """The ruler from a worse and a better answer, by one of the ranges above.
+
+    Args:
+        coarse: the worse answer.
+        fine: the better one.
+        range_: of γ where cells are halved.
+        ratio: of their cells.
+    """
     worse, better = (np.asarray(v, np.float64) for v in (coarse, fine))
-    middle, half = range_
+    middle, half = scaled(range_, ratio)
     value = better + middle * (better - worse)
     return Ruler(value, half * _norm(better - worse) / max(_norm(value), 1e-300))
+
+
+def scaled(range_: Range, ratio: float) -> Range:
+    """A range of γ for cells of another ratio than a half."""
+    share = (2.0**ORDER - 1.0) / max(ratio**ORDER - 1.0, 0.05)
+    return range_[0] * share, range_[1] * share
+
+
+def ruler_of_three(answers: Sequence[Any], ratio: float = 2.0) -> Ruler:
+    """The ruler from answers on three meshes, from coarse to fine, as far as they converge.
+
+    Args:
+        answers: a quantity on each, of any shape.
+        ratio: of the cells of the last two.
+    """
+    coarse, middle, fine = (np.asarray(v, np.float64) for v in answers)
+    first, second = middle - coarse, fine - middle
+    r = float((first * second).sum()) / max(_norm(first) ** 2, 1e-300)
+    about, half = scaled(converging(r), ratio)
+    value = fine + about * second
+    aside = ASIDE * _norm(second - r * first)
+    bar = half * _norm(second) + (aside if r < CONVERGING else 0.0)
+    return Ruler(value, bar / max(_norm(value), 1e-300))
+
+
+def converging(r: float) -> Range:
+    """The range of γ by the ratio of two differences."""
+    if r > CONVERGING:
+        return TWO_MESHES
+    if r < -LEAST:
+        return SWINGING
+    high = min(max(1.2 * r / (1.0 - r), MOST_CERTAIN), MOST)
+    return 0.5 * (LEAST + high), 0.5 * (high - LEAST)
 
 
 def frequency_error(own: list[float], truth: Ruler) -> Error:

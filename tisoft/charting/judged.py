@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -39,9 +40,9 @@ class Judged:
 
     @property
     def worst(self) -> Error:
-        """The largest of the errors that count, by its bar's end."""
+        """The largest of the errors that count, by its bar's end; inf where none is known."""
         own = [self.errors[k] for k in self.decides if k in self.errors]
-        return max(own, key=lambda e: e.most)
+        return max(own, key=lambda e: e.most, default=Error(math.inf, 0.0))
 
     @property
     def shown(self) -> float:
@@ -54,10 +55,13 @@ def with_pareto(judged: Sequence[Judged]) -> list[Judged]:
     return [
         dataclasses.replace(
             one,
-            pareto=not any(
-                o is not one and o.cost <= one.cost and o.worst.most < one.worst.most
-                for o in judged
-            ),
+            pareto=not any(_beats(other, one) for other in judged),
         )
         for one in judged
     ]
+
+
+def _beats(other: Judged, one: Judged) -> bool:
+    """Whether another is at no higher a cost no worse, and better in one of the two."""
+    mine, its = (one.cost, one.worst.most), (other.cost, other.worst.most)
+    return its[0] <= mine[0] and its[1] <= mine[1] and its != mine

@@ -12,7 +12,11 @@ from tisoft.charting.estimate import Error, Ruler
 from tisoft.charting.judged import Judged, with_pareto
 from tisoft.charting.linearly import LinearRuler
 from tisoft.charting.paths import Paths
+from tisoft.charting.travel import Travel
 from tisoft.charting.variants import CURRENT, Catalogue, Variant
+
+FINE = 0.1
+"""Largest error at rest of a variant whose path is to stay near a finer one's."""
 
 
 @dataclass
@@ -23,6 +27,8 @@ class Judging:
     catalogue: Catalogue
     rulers: dict[str, Ruler] = field(default_factory=dict)
     """By quantity: sag, frequency."""
+    on_one_mesh: dict[str, bool] = field(default_factory=dict)
+    """By quantity: whether its ruler is from linear and quadratic tets on one mesh."""
     linear: LinearRuler | None = None
     """Of sag as linear elasticity has it."""
     static: bool = False
@@ -30,6 +36,7 @@ class Judging:
 
     def __post_init__(self) -> None:
         self.paths = Paths(self.asking.bench)
+        self.travel = Travel(self)
 
     def shares_errors(self, variant: Variant) -> Variant:
         """The variant whose static answer and modes are this one's too."""
@@ -45,27 +52,29 @@ class Judging:
         found = [self.judge(variant) for variant in dict.fromkeys(self.asking.variants)]
         return with_pareto([one for one in found if one is not None])
 
-    def judge(self, variant: Variant) -> Judged | None:
-        """One variant; None where not enough is known."""
+    def judge(self, variant: Variant, *, always: bool = False) -> Judged | None:
+        """One variant; None where not enough is known, `always`: of its errors or not."""
         size, step = self.asking.size(variant), self.asking.known("step", variant)
-        errors = self._errors(variant)
-        if size is None or step is None or not errors or len(errors) < len(self.rulers):
+        errors = self.errors_at_rest(variant)
+        if size is None or step is None or (len(errors) < len(self.rulers) and not always):
             return None
-        self._add_path(variant, errors)
+        if (path := self.travel.error(variant, errors)) is not None:
+            errors["path"] = path
         cost, timed = self.asking.cost(variant)
-        decides = [q for q in errors if q != "path"]
-        if "path" in errors and self.paths.has(variant) and not self.static:
-            decides.append("path")
+        decides = [q for q in errors if q != "path" or self.by_path]
+        if not decides and not always:
+            return None
         return Judged(
             name=variant.name, settings=variant.settings[len(self.catalogue.given) :],
             model=size["model"], element=size["element"], elements=size["elements"],
             nodes=size["nodes"], step=step["step"], stable_step=step["stable_step"], cost=cost,
-            errors=errors, timed=timed, ran=self.paths.has(variant), decides=tuple(decides),
+            errors=errors, timed=timed, decides=tuple(decides),
+            ran=self.paths.has(variant) and self.travel.reference is not None,
             current=variant.name == CURRENT,
         )  # fmt: skip
 
-    def _errors(self, variant: Variant) -> dict[str, Error]:
-        """By quantity: those that are known."""
+    def errors_at_rest(self, variant: Variant) -> dict[str, Error]:
+        """Of sag and frequency, those that are known."""
         errors: dict[str, Error] = {}
         shared = self.shares_errors(variant)
         for what, truth in self.rulers.items():
@@ -81,36 +90,24 @@ class Judging:
                 )
         return errors
 
-    def _add_path(self, variant: Variant, errors: dict[str, Error]) -> None:
-        if "frequency" in errors:
-            errors["path"] = self._predicted_path(errors.get("sag"), errors["frequency"])
-        reference = self._reference()
-        if reference is not None and self.paths.has(variant):
-            its, worst = reference
-            own = self.paths.error(variant, its)
-            if own is not None and variant != its:
-                errors["path"] = Error(own, worst)
+    @property
+    def by_path(self) -> bool:
+        """Whether the path decides: there is no static answer, or nothing to hold it against."""
+        return not self.static or not self.rulers
 
-    def _predicted_path(self, sag: Error | None, frequency: Error) -> Error:
-        first = float(self.rulers["frequency"].value[0])
-        return estimate.path_error(sag, frequency, first, self.asking.duration)
+    @property
+    def dimension(self) -> int:
+        """Of the bodies that vary: 2 for sheets."""
+        bodies = self.catalogue.scene.bodies
+        return 3 if any(bodies[i].mesh.elements for i in self.catalogue.varied) else 2
 
-    def _reference(self) -> tuple[Variant, float] | None:
-        """The finest variant that was run, and what it may err by itself."""
+    def parted(self, frame_rate: float) -> float | None:
+        """Time [s] at which the two finest paths part, which should not, or None."""
         ran = [v for v in self.asking.variants if self.paths.has(v)]
         if len(ran) < 2:
             return None
-        most = {v: max((e.most for e in self._errors(v).values()), default=np.inf) for v in ran}
-        best = min(ran, key=lambda v: most[v])
-        if "frequency" not in self.rulers:
-            return best, most[best]
-        own = Error(most[best], 0.0)
-        return best, min(1.0, self._predicted_path(own, own).value)
-
-    def parted(self, frame_rate: float) -> float | None:
-        """Time [s] at which the two finest paths part, or None."""
-        judged = sorted((v for v in self.judged() if v.ran), key=lambda v: v.worst.most)
-        if len(judged) < 2 or judged[1].worst.most > 0.1:
+        finest, next_ = sorted(ran, key=self.travel.coarseness)[:2]
+        at_rest = self.errors_at_rest(next_)
+        if any(error.most > FINE for error in at_rest.values()):
             return None
-        finest, next_ = (self.named(v.name) for v in judged[:2])
         return self.paths.parting(next_, finest, frame_rate)

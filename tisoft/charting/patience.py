@@ -19,6 +19,10 @@ COMPILED: dict[tuple[str, ...], dict[str, float]] = {
 """Seconds of compiling the first answer where the kernels of whole elements are needed."""
 TIMING = {"tet4": 7.0, "tet10": 16.0, "hex8": 12.0, "spring": 4.0}
 """The same for a running scene."""
+TOUCHING = 16.0
+"""Seconds more where surfaces touch, for each size of the fields."""
+WARM = 0.2
+"""What is left of them where kernels are in the disk cache."""
 NODE = {"static": 4e-4, "linear static": 1e-4, "modes": 2e-4, "exact modes": 3e-4, "step": 3e-5}
 """Seconds a node."""
 FRONT = 6.5e-9
@@ -31,6 +35,8 @@ FACTORED = {"static": 4.0, "linear static": 1.0, "modes": 4.0, "exact modes": 4.
 class Patience:
     """Foretells seconds of answers, corrected by how long others took."""
 
+    warm: bool = False
+    """Whether running scenes find their kernels in the disk cache."""
     _ratios: deque[float] = field(default_factory=lambda: deque(maxlen=5))
     _statics: deque[float] = field(default_factory=lambda: deque(maxlen=3))
     """Of static answers alone: how many steps they take is the scene's."""
@@ -45,11 +51,11 @@ class Patience:
 
     def timing(self, kind: tuple[str, ...]) -> float:
         """Seconds of a timing of an element, model, precision and integrator."""
-        words = kind[0].split("+")
-        compiles = (
-            0.0 if ("timing", *kind) in self._seen else max(TIMING.get(w, 8.0) for w in words)
-        )
-        return (0.8 + compiles) * self.slowness
+        compiles = 0.0
+        if ("timing", *kind) not in self._seen:
+            compiles = max(TIMING.get(word, 8.0) for word in kind[0].split("+"))
+            compiles += TOUCHING if kind[-1].startswith("touching") else 0.0
+        return (0.8 + compiles * (WARM if self.warm else 1.0)) * self.slowness
 
     @property
     def slowness(self) -> float:
@@ -65,6 +71,7 @@ class Patience:
         elif what == "timing":
             supposed = self.timing(kind) / self.slowness
         else:
+            self._seen.add(("timing", *kind))
             return
         is_first = what == "static" and (what, *kind) not in self._seen  # a law is compiled too
         if supposed > 0.2 and not is_first:

@@ -6,7 +6,7 @@ Where a scene has no tets (a cage, nets of springs), its own element on a finer 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,8 +25,8 @@ OWN_HEXES = (
     "only as far as it shrinks with them"
 )
 TWIN = (
-    "the mesh is too large for quadratic tets within the budget: the ruler is a coarser twin of "
-    "the shape; a larger --budget gives a sharper one"
+    "the mesh is too large for quadratic tets within the time: the ruler is a coarser twin of the "
+    "shape; a chart with a larger --budget has a sharper one"
 )
 
 
@@ -36,9 +36,15 @@ class Pair:
 
     worse: Variant
     better: Variant
-    range_: tuple[float, float]
+    range_: estimate.Range
     told: str | None = None
     """A warning that goes with it."""
+    ratio: float = 2.0
+    """Of their cells."""
+    coarser: Variant | None = None
+    """A third one, worse than both, which tells whether they converge."""
+    last: bool = False
+    """Whether there is nothing cheaper."""
 
 
 def pairs_of(catalogue: Catalogue, *, twin: bool) -> Iterator[Pair]:
@@ -52,28 +58,53 @@ def pairs_of(catalogue: Catalogue, *, twin: bool) -> Iterator[Pair]:
         for factor in (1.5, 2.0):
             finer = catalogue.mesh(own[0], factor)
             if finer is not None:
-                yield Pair(catalogue.current, finer, estimate.OWN_MODEL, own[1])
+                ratio = catalogue.ratio(1.0, factor)
+                yield Pair(catalogue.current, finer, estimate.OWN_MODEL, own[1], ratio)
         return
-    for fine in (0.5,) if twin else (1.0, 2.0):
+    told = TWIN if twin else None
+    for fine in (0.75, 0.5) if twin else (1.0, 2.0):
         found = catalogue.tets(fine)
         if found is None:
             continue
-        linear, quadratic = found
-        told = TWIN if twin else None
-        if fine != 2.0:
-            yield Pair(linear, quadratic, estimate.SAME_MESH, told)
         coarser = catalogue.tets(0.5 * fine)
+        # Linear and quadratic tets on one mesh do not see how it cuts the corners of a curve.
+        if fine != 2.0 and not (catalogue.is_curved and coarser):
+            yield Pair(*found, estimate.SAME_MESH, told, last=fine == 0.5)
         if coarser is not None:
-            yield Pair(coarser[1], quadratic, estimate.TWO_MESHES, told)
+            yield _of_meshes(catalogue, fine, told, last=fine == 0.5)
 
 
-def ruler_of(worse: Any, better: Any, what: str, range_: tuple[float, float]) -> Ruler:
-    """The ruler of "sag" or "frequency" from a worse and a better answer."""
-    made = estimate.ruler(worse, better, range_)
-    if what == "frequency":  # the bar of the root mean square of relative errors
-        off = (np.asarray(better) - np.asarray(worse)) / made.value
-        return Ruler(made.value, range_[1] * float(np.sqrt((off**2).mean())))
-    return made
+def _of_meshes(catalogue: Catalogue, fine: float, told: str | None, *, last: bool) -> Pair:
+    """Quadratic tets on cells of a factor, on those twice as large, and on still larger ones."""
+    levels = [catalogue.tets(share * fine) for share in (1.0, 0.5, 0.25)]
+    better, worse, coarsest = (None if level is None else level[1] for level in levels)
+    assert better is not None and worse is not None
+    ratios = [catalogue.ratio(0.5 * share * fine, share * fine) for share in (1.0, 0.5)]
+    low, high = estimate.HALVED
+    if not all(low < ratio < high for ratio in ratios):
+        coarsest = None
+    return Pair(worse, better, estimate.TWO_MESHES, told, ratios[0], coarsest, last)
+
+
+def ruler_of(what: str, answers: Sequence[Any], pair: Pair) -> Ruler:
+    """The ruler of "sag" or "frequency".
+
+    Args:
+        what: the quantity.
+        answers: of the pair's variants from worse to better, two or three.
+        pair: that they are of.
+    """
+    if what == "frequency":  # each mode by itself; the bar is that of the root mean square
+        modes = [_ruler([a[k] for a in answers], pair) for k in range(len(answers[0]))]
+        value = np.array([float(mode.value) for mode in modes])
+        return Ruler(value, float(np.sqrt(np.mean([mode.bar**2 for mode in modes]))))
+    return _ruler(answers, pair)
+
+
+def _ruler(answers: Sequence[Any], pair: Pair) -> Ruler:
+    if len(answers) == 3:
+        return estimate.ruler_of_three(answers, pair.ratio)
+    return estimate.ruler(answers[0], answers[1], pair.range_, pair.ratio)
 
 
 def agreed(old: Ruler, new: Ruler) -> Ruler:

@@ -72,9 +72,12 @@ class StepSide:
 
 def step_side(survey: Survey, now: Judged) -> StepSide | None:
     """The step side of a survey's scene; None where it has no modes or no limit."""
-    if "frequency" not in survey.judging.rulers or not np.isfinite(now.stable_step):
+    own = survey.asking.known("modes", survey.catalogue.current) or {}
+    ruler = survey.judging.rulers.get("frequency")
+    found: Any = own.get("frequencies", []) if ruler is None else ruler.value
+    if not len(found) or not np.isfinite(now.stable_step):
         return None
-    modes = 2.0 * np.pi * np.abs(survey.judging.rulers["frequency"].value)
+    modes = 2.0 * np.pi * np.abs(np.asarray(found))
     duration = survey.scene.duration
     words = dict.fromkeys([survey.scene.integrator, "symplectic-euler", "velocity-verlet"])
     curves = []

@@ -7,9 +7,11 @@ answers are kept as they come, so whatever ends the survey, what is done can be 
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +19,23 @@ import numpy as np
 
 from tisoft import runtime
 from tisoft.changes import scene_with
+from tisoft.charting import estimate
 from tisoft.charting.asking import Asking
-from tisoft.charting.doubting import BY_NUMBERS, CONTACT, by_numbers, may_meet
+from tisoft.charting.doubting import (
+    BY_NUMBERS,
+    CONTACT,
+    ITSELF,
+    PATHS_ALONE,
+    UNSETTLED,
+    by_numbers,
+    may_meet,
+    surfaces_touch,
+)
 from tisoft.charting.judged import Judged
 from tisoft.charting.judging import Judging
 from tisoft.charting.linearly import linear_ruler
 from tisoft.charting.records import Bench, places_of
-from tisoft.charting.rulers import TWIN, Pair, agreed, pairs_of, ruler_of
+from tisoft.charting.rulers import OWN_HEXES, OWN_SPRINGS, Pair, agreed, pairs_of, ruler_of
 from tisoft.charting.variants import CURRENT, Catalogue, Variant
 from tisoft.errors import SceneError
 from tisoft.scene import Scene
@@ -38,6 +50,8 @@ ENOUGH = 0.3
 """Share of the tolerance within which the ruler's bar needs nothing better."""
 MOST_OVER = 1.2
 """Times the budget, that the first look may take by what is known before."""
+LAST = 1.15
+"""The same for advice that has nothing but paths."""
 NO_TIME = "there was no time to find the equilibrium; give a larger budget"
 SAME_PLACE = 1e-6
 """Share of a body's size within which a node is where a probe is."""
@@ -109,6 +123,9 @@ class Survey:
         candidates = [v for v in self._candidates(others=others) if self._may_be(v)]
         if workers:
             self._spread(candidates, workers)
+        if not self._quantities():
+            self._run_alone(candidates)
+            return
         self._find_rulers(tolerance)
         if self.patient and any(self._is_long(v) for v in candidates):
             self._find_linear_ruler()
@@ -116,6 +133,10 @@ class Survey:
             if tolerance and self._is_hopeless(variant, tolerance):
                 continue
             self._answers(variant, 0.9 if len(self.judged()) < 2 else self._share)
+        if tolerance and not any(v.worst.most <= tolerance for v in self.judged()):
+            for pair in self._pairs()[1:]:  # a sharper ruler may make one certain
+                self._take(pair, late=True)
+        self._widen()
         self.asking.ask("timing", now, 0.97)
         self._time()
         if others:
@@ -130,7 +151,10 @@ class Survey:
     # -- the scene itself ----------------------------------------------------------------------
 
     def _first_look(self, now: Variant) -> None:
-        missing = [w for w in ("static", "modes", "step") if not self.asking.has(w, now)]
+        # A net that stands for itself is judged by its paths, where there is little time for more.
+        alone = self.patient and self.catalogue.is_itself
+        wanted = ("step",) if alone else ("static", "modes", "step")
+        missing = [w for w in wanted if not self.asking.has(w, now)]
         needs = sum(self.asking.needs(what, now) for what in missing)
         if needs > MOST_OVER * self.budget:
             raise SceneError(
@@ -140,32 +164,33 @@ class Survey:
             )
         for what in missing:
             self.asking.ask(what, now, always=True)
-        self.judging.static = self._has_static(now)
-        modes = self.asking.known("modes", now)
+        static, modes = (self.asking.known(what, now) for what in ("static", "modes"))
         self.vibrates = bool(modes and modes["frequencies"])
-        if modes is None:
-            self.warn(f"frequencies are left out: {self.asking.bench.ask('modes', now)['error']}")
-        if not self.judging.static and not self.vibrates:
-            raise SceneError(
-                "the scene cannot be charted: it has neither a static answer under its loads nor "
-                "elastic modes to compare"
-            )
-        static = self.asking.known("static", now)
-        self.touching = may_meet(self.scene, None if static is None else static["most"])
-        if self.touching:
+        self.judging.static = bool(static and static["most"] > 0.0)
+        if self.catalogue.is_itself:
+            self.warn(ITSELF)
+        elif not self.judging.static and not self.vibrates:
+            self.warn(f"{PATHS_ALONE} ({self._no_static(now)})")
+        else:
+            if not self.judging.static:
+                self.warn(f"sag is left out: {self._no_static(now)}")
+            if modes is None:
+                told = self.asking.bench.ask("modes", now)["error"]
+                self.warn(f"frequencies are left out: {told}")
+        for told in static["warnings"] if static else []:
+            self.warn(told)
+        most = None if static is None else static["most"]
+        self.touching = may_meet(self.scene, most)
+        self.asking.touching = surfaces_touch(self.scene, most)
+        if self.touching and self._quantities():
             self.warn(CONTACT)
 
-    def _has_static(self, now: Variant) -> bool:
-        found = self.asking.known("static", now)
-        if found is None:
-            told = self.asking.bench.record(now).get("static", {}).get("error", NO_TIME)
-            self.warn(f"sag is left out: {told}")
-            return False
-        for told in found["warnings"]:
-            self.warn(told)
-        if not found["most"] > 0.0:
-            self.warn("sag is left out: no load moves the scene at rest")
-        return bool(found["most"] > 0.0)
+    def _no_static(self, now: Variant) -> str:
+        """Why there is no sag."""
+        if self.asking.known("static", now) is not None:
+            return "no load moves the scene at rest"
+        told: str = self.asking.bench.record(now).get("static", {}).get("error", NO_TIME)
+        return told
 
     # -- rulers --------------------------------------------------------------------------------
 
@@ -173,7 +198,7 @@ class Survey:
         """The best pair of answers that its share of the budget allows, the first one always; none
         that is not known yet where the bars are well within the tolerance.
         """
-        pairs = list(pairs_of(self.catalogue, twin=False))
+        pairs = self._pairs()
         rulers = self.judging.rulers
         if not pairs or not self._take(pairs[0], always=True):
             for pair in pairs_of(self.catalogue, twin=True):
@@ -200,7 +225,7 @@ class Survey:
                 f"the mesh is too large for a ruler: quadratic tets would have {size['nodes']} "
                 f"nodes, more than {LARGEST_RULER}, and it has no coarser twin; take a coarser mesh"
             )
-        needs = sum(self.asking.needs(what, pairs[0].better) for what in ("static", "exact modes"))
+        needs = sum(self.asking.needs(what, pairs[0].better) for what in self._works())
         whole = math.ceil(1.2 * (self.asking.spent() + needs / RULER_ALONE))
         return (
             f"the budget is too small for the ruler of this scene; give {whole} s or more, or take "
@@ -209,47 +234,86 @@ class Survey:
 
     def _quantities(self) -> list[str]:
         """Which of sag and frequency the scene has."""
+        if self.catalogue.is_itself:
+            return []
         has = {"sag": self.judging.static, "frequency": self.vibrates}
         return [what for what, own in has.items() if own]
 
+    def _works(self) -> list[str]:
+        """What is asked of a ruler."""
+        works = {"sag": "static", "frequency": "exact modes"}
+        return [works[what] for what in self._quantities()]
+
     def _why(self, missing: str) -> str:
         """What quadratic tets said instead of an answer."""
-        pair = next(iter(pairs_of(self.catalogue, twin=False)), None)
+        pair = next(iter(self._pairs()), None)
         if pair is None or missing != "sag":
             return ""
         told = self.asking.bench.record(pair.better).get("static", {}).get("error")
         return f" ({told})" if told else ""
 
-    def _take(self, pair: Pair, *, always: bool = False) -> bool:
+    def _take(self, pair: Pair, *, always: bool = False, late: bool = False) -> bool:
         size = self.asking.size(pair.better)
         if size is None or size["nodes"] > LARGEST_RULER:
             return False
-        share = 0.5 if self.patient else SHARES["ruler"]
+        share = SHARES["ruler"]
+        if late:
+            share = self._share
         if always:  # within the whole budget all the same
-            needs = sum(self.asking.needs(w, pair.better) for w in ("static", "exact modes"))
-            if needs > RULER_ALONE * (self.budget - self.asking.spent()) and TWIN != pair.told:
+            needs = sum(self.asking.needs(w, pair.better) for w in self._works())
+            if needs > RULER_ALONE * (self.budget - self.asking.spent()) and not pair.last:
                 return False
             share = 100.0
         found = False
         for what in self._quantities():
-            a, b = (
-                self.asking.quantity(v, what, share, exact=True) for v in (pair.worse, pair.better)
-            )
-            if a is None or b is None or np.shape(a) != np.shape(b):
+            answers = self._answers_of(pair, what, share)
+            if len(answers) < 2:
                 continue
-            made = ruler_of(a, b, what, pair.range_)
+            made = ruler_of(what, answers, pair)
             old = self.judging.rulers.get(what)
-            self.judging.rulers[what] = made if old is None else agreed(old, made)
+            best = self.judging.rulers[what] = made if old is None else agreed(old, made)
+            if best is not old:
+                self.judging.on_one_mesh[what] = pair.range_ == estimate.SAME_MESH
             found = True
         if found and pair.told:
             self.warn(pair.told)
         return found
 
-    def _may_turn(self, variant: Variant) -> bool:
-        """Whether bodies that become linear may turn by what no equilibrium tells of, which linear
-        elasticity does not stand."""
+    def _answers_of(self, pair: Pair, what: str, share: float) -> list[Any]:
+        """A quantity of a pair's variants, from worse to better; empty where one lacks it."""
+        variants = (pair.worse, pair.better)
+        two = [self.asking.quantity(v, what, share, exact=True) for v in variants]
+        if any(a is None or np.shape(a) != np.shape(two[-1]) for a in two):
+            return []
+        if pair.coarser is not None:
+            third = self.asking.quantity(pair.coarser, what, share, exact=True)
+            if third is not None and np.shape(third) == np.shape(two[0]):
+                return [third, *two]
+        return two
+
+    def _widen(self) -> None:
+        """A ruler of the scene's own element on a finer mesh tells no more than meshes settle."""
+        if not any(pair.told in (OWN_SPRINGS, OWN_HEXES) for pair in self._pairs()):
+            return
+        has = self.catalogue.elements()[0]
+        rows = sorted((v for v in self.judged() if v.element == has), key=lambda v: v.elements)
+        for what, ruler in self.judging.rulers.items():
+            errors = [v.errors[what].value for v in rows if what in v.errors]
+            grows = max((fine - coarse for coarse, fine in pairwise(errors)), default=0.0)
+            if grows > ruler.bar:
+                self.judging.rulers[what] = dataclasses.replace(ruler, bar=grows)
+                self.warn(f"{what}{UNSETTLED}")
+
+    def _pairs(self) -> list[Pair]:
+        """Those that may become the ruler."""
+        return list(pairs_of(self.catalogue, twin=False))
+
+    def may_turn(self) -> bool:
+        """Whether bodies may turn by what no equilibrium tells of, which linear elasticity does not
+        stand."""
         spins = any(np.any(np.asarray(body.spin)) for body in self.scene.bodies)
-        return variant.kind == "model" and (spins or not self.judging.static)
+        turned = any(pin.turn is not None for body in self.scene.bodies for pin in body.pins)
+        return spins or turned or not self.judging.static
 
     def _find_linear_ruler(self) -> None:
         """Linear elasticity on the meshes of the ruler, for variants whose static answer takes
@@ -260,11 +324,11 @@ class Survey:
         if sag is None or own is None or linear is None:
             return
         rulers = []
-        for pair in pairs_of(self.catalogue, twin=False):
+        for pair in self._pairs():
             if self.asking.known("static", pair.better) and pair.told is None:
                 worse, better = self._linearly(pair.worse), self._linearly(pair.better)
                 if worse is not None and better is not None:
-                    rulers.append(ruler_of(worse, better, "sag", pair.range_))
+                    rulers.append(ruler_of("sag", [worse, better], pair))
         if rulers:
             best = min(rulers, key=lambda ruler: ruler.bar)
             self.judging.linear = linear_ruler(best, sag.error(own), linear)
@@ -277,12 +341,18 @@ class Survey:
     # -- variants ------------------------------------------------------------------------------
 
     def _candidates(self, *, others: bool) -> Iterator[Variant]:
+        if self.catalogue.is_itself:
+            step = self.asking.known("step", self.catalogue.current)
+            yield from self.catalogue.steps(step["step"]) if step else ()
+            others = True
         yield from self.catalogue.meshes()
         yield from self.catalogue.others() if others else ()
 
     def _may_be(self, variant: Variant) -> bool:
         size = self.asking.size(variant)
-        if size is None or ("linear" in size["model"].split("+") and self._may_turn(variant)):
+        if size is None or (
+            variant.kind == "model" and "linear" in size["model"].split("+") and self.may_turn()
+        ):
             return False
         if not self.same_probes or variant.kind != "mesh":
             return True
@@ -361,16 +431,36 @@ class Survey:
         for variant in dict.fromkeys(runs):
             self.asking.ask("path", variant, SHARES["path"])
 
+    def _run_alone(self, candidates: Sequence[Variant]) -> None:
+        """Where nothing at rest tells of errors: the scene, its finest variants, the cheapest."""
+        self.asking.patience.warm = self.patient
+        now, variants = self.catalogue.current, self.asking.variants
+        variants += [v for v in candidates if self.asking.ask("step", v) is not None]
+        if not self.patient:
+            self.asking.ask("timing", now, SHARES["timing"])
+        fine = sorted(variants, key=self.judging.travel.coarseness)
+        best = next((v for v in fine if v is not now and self._affords_run(v)), None)
+        if best is None:
+            return
+        rest = sorted((v for v in variants if v not in (now, best)), key=self._dear)
+        finer = [v for v in fine if v in rest][:1]
+        for variant in dict.fromkeys([now, best, *finer, *rest]):
+            self.asking.ask("path", variant, LAST if self.patient else SHARES["path"])
+        self.asking.ask("timing", now, LAST)
+
+    def _dear(self, variant: Variant) -> float:
+        return self.asking.cost(variant)[0]
+
     def _affords_run(self, variant: Variant) -> bool:
-        left = SHARES["path"] * self.budget - self.asking.spent()
-        return self.asking.needs("path", variant) <= 0.5 * left
+        left = (LAST if self.patient else SHARES["path"]) * self.budget - self.asking.spent()
+        return self.asking.needs("path", variant) <= (0.8 if self.patient else 0.5) * left
 
     def _spread(self, candidates: Sequence[Variant], workers: dict[str, Any]) -> None:
         """Static answers, modes and steps by workers, as many as the budget allows."""
         from tisoft.charting.spread import spread
 
         jobs = []
-        for pair in list(pairs_of(self.catalogue, twin=False))[:2]:
+        for pair in self._pairs()[:2]:
             for variant in (pair.worse, pair.better):
                 jobs += [(variant, "exact modes"), (variant, "static")]
         for variant in candidates:

@@ -11,10 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tisoft.body import Body
 from tisoft.changes import MODEL_WORDS
 from tisoft.models.materials import Linear, MassSpring, MassTensor, ViscoElastic
 from tisoft.scene import Scene
 from tisoft.scene_file import document_of
+from tisoft.where import Nodes
 
 CURRENT = "as it is"
 FACTORS = (0.5, 0.75, 1.5, 2.0)
@@ -22,6 +24,8 @@ FACTORS = (0.5, 0.75, 1.5, 2.0)
 COUNTS = {"box": "cells", "cloth": "cells", "grid": "cells", "ball": "resolution",
           "cylinder": "resolution"}  # fmt: skip
 """The key of each shape that says how fine it is."""
+CURVED = ("ball", "cylinder")
+"""Shapes whose meshes have corners where the shape has none."""
 SPRINGS_POISSON = 0.25
 """What networks of springs come to, whose central forces leave them no choice (Cauchy 1828)."""
 MODELS = ("viscoelastic", "neo-hookean", "linear", "mass-spring")
@@ -75,16 +79,20 @@ class Catalogue:
         """All bodies with an element ("tet4", "tet10", "hex8", "spring") and finer or coarser by a
         factor along each axis; None where that cannot be had, or is the scene itself.
         """
+        solid = self.springs and element != "spring"
+        if solid and not self.has_solid_twin:
+            return None
         settings: list[str] = []
         for i in self.varied:
             own = self._of_body(i, element, factor)
             if own is None:
                 return None
             settings += own
-        if not settings:
+        if not settings and not solid:
             return None
         size = "" if factor == 1.0 else f", {factor:g} x as fine"
-        return Variant(f"{element}{size}", (*self.given, *settings))
+        made = Variant(f"{element}{size}", (*self.given, *settings))
+        return Variant(made.name, self.as_solid(made).settings) if solid else made
 
     def _of_body(self, i: int, element: str, factor: float) -> list[str] | None:
         body, table = self.scene.bodies[i], self._meshes[i]
@@ -94,14 +102,17 @@ class Catalogue:
         key, made = f"body.{i}.mesh", []
         shape = next((s for s in COUNTS if s in table), None)
         springs = isinstance(body.model, MassSpring)
-        if (element == "spring") != springs:
+        if element == "spring" and not springs:
             return None
         if "cage" in table:
             shape = "cage"
             if element != "hex8":
                 return None
-        if springs and factor != 1.0 and not body.model.needs_young:  # type: ignore[union-attr]
-            return None  # N/m of other springs would be another material
+        if factor != 1.0 and (
+            (springs and not _scales(body.model))
+            or (shape in COUNTS and has_numbers(body))  # other nodes would have these numbers
+        ):
+            return None
         if factor != 1.0:
             finer = self._finer(key, table, shape, has, factor)
             if finer is None:
@@ -135,11 +146,24 @@ class Catalogue:
             return _finer_cage(f"{key}.cage", table["cage"], factor)
         count = COUNTS[shape]
         now = table[shape][count]
-        cells = [now] if isinstance(now, int) else list(now)
-        new = [max(1, round(factor * n)) for n in cells]
+        cells, new = _cells(now, 1.0), _cells(now, factor)
         if new == cells or any(n * factor < 0.75 for n in cells if n > 1):
             return None
         return [f"{key}.{shape}.{count}={new[0] if isinstance(now, int) else new}"]
+
+    def ratio(self, coarse: float, fine: float) -> float:
+        """By how much cells of one factor are larger than those of a finer one, along the axis
+        where it is the least; axes with one cell do not count.
+        """
+        found = [fine / coarse]
+        for i in self.varied:
+            table = self._meshes[i]
+            shape = next((s for s in COUNTS if s in table), None)
+            if shape is not None and "cage" not in table:
+                now = table[shape][COUNTS[shape]]
+                pairs = zip(_cells(now, coarse), _cells(now, fine), strict=True)
+                found.append(min((b / a for a, b in pairs if b > 1), default=1.0))
+        return min(found)
 
     def elements(self) -> list[str]:
         """Elements that the bodies may have, the present one first."""
@@ -150,8 +174,9 @@ class Catalogue:
 
     def meshes(self) -> Iterator[Variant]:
         """All elements on coarser and finer meshes, promising ones first."""
+        solid = ("tet10", "hex8") if self.springs and self.has_solid_twin else ()
         for factor in (1.0, *FACTORS):
-            for element in self.elements():
+            for element in (*self.elements(), *solid):
                 found = self.mesh(element, factor)
                 if found is not None and found.settings != self.given:
                     yield found
@@ -178,6 +203,18 @@ class Catalogue:
             yield Variant("velocity-verlet", (*self.given, *changes), "integrator")
 
     @property
+    def is_itself(self) -> bool:
+        """Whether its springs stand for nothing but themselves, so that no mesh has an error."""
+        return self.springs and not self.has_solid_twin and not any(
+            self.mesh("spring", factor) for factor in FACTORS
+        )  # fmt: skip
+
+    @property
+    def is_curved(self) -> bool:
+        """Whether finer meshes follow a curved surface better, which elements cannot."""
+        return any(word in self._meshes[i] for i in self.varied for word in CURVED)
+
+    @property
     def has_solid_twin(self) -> bool:
         """Whether its springs stand for a solid: tets, with stiffnesses from Young's modulus."""
         return self.springs and all(
@@ -190,7 +227,8 @@ class Catalogue:
     def tets(self, factor: float) -> tuple[Variant, Variant] | None:
         """The ruler's linear and quadratic tets on a mesh, or None where it has no such tets."""
         if self.springs and factor != 1.0:
-            return None
+            linear, fine = (self.mesh(element, factor) for element in ("tet4", "tet10"))
+            return None if linear is None or fine is None else (linear, fine)
         if self.springs:
             changes = [f'body.{i}.mesh.element="tet10"' for i in self.varied]
             linear, fine = self.current, Variant("tet10", (*self.given, *changes))
@@ -225,10 +263,36 @@ class Catalogue:
         words = [f'body.{i}.model="linear"' for i in self.varied]
         return Variant(f"{variant.name}, linear", (*variant.settings, *words), "model")
 
-    def step(self, seconds: float) -> Variant:
-        """The scene with a step [s]."""
-        settings = (*self.given, f"step={seconds!r}")
-        return Variant(f"step {seconds * 1e3:.3g} ms", settings, "step")
+    def steps(self, seconds: float) -> Iterator[Variant]:
+        """The scene with halves and quarters of its step [s], which its own integrator and the
+        better one take."""
+        finer = "velocity-verlet"
+        words = dict.fromkeys([self.scene.integrator, finer])
+        for parts in (2, 4):
+            for word in words if self.scene.start == "plain" else [self.scene.integrator]:
+                changes = [f"step={seconds / parts!r}"]
+                name = f"1/{parts} of the step"
+                if word != self.scene.integrator:
+                    changes.append(f'integrator="{word}"')
+                    name = f"{word}, {name}"
+                yield Variant(name, (*self.given, *changes), "step")
+
+
+def _cells(now: int | Sequence[int], factor: float) -> list[int]:
+    """Cells along each axis of a shape, finer by a factor."""
+    cells = [now] if isinstance(now, int) else list(now)
+    return [max(1, round(factor * n)) for n in cells]
+
+
+def has_numbers(body: Body) -> bool:
+    """Whether pins or loads select nodes by their numbers."""
+    chosen: list[Any] = [p.where for p in body.pins] + [load.where for load in body.loads]
+    return any(isinstance(where, Nodes) for where in chosen)
+
+
+def _scales(springs: Any) -> bool:
+    """Whether a net of other cells is of the same material, as it is not with N/m or kg a node."""
+    return springs.needs_young and springs.node_mass is None
 
 
 def _finer_cage(key: str, table: Any, factor: float) -> list[str] | None:

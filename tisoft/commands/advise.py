@@ -92,7 +92,7 @@ def _tell(options: argparse.Namespace, found: Any) -> None:
         print(f"tisoft run {shlex.quote(options.scene)} {line}")
     elif found.choice.worst.most <= found.tolerance:
         print("The scene is right as it is.")
-    else:
+    elif found.choice.errors:
         print("Nothing better than the scene as it is was found.")
     if not found.certain:
         print("This is not certain:", file=sys.stderr)
