@@ -22,6 +22,7 @@ from tisoft.charting.records import Place, linear_static_of, static_of
 from tisoft.charting.rulers import Pair, agreed, ruler_of
 from tisoft.charting.survey import Survey
 from tisoft.charting.thumbnails import picture
+from tisoft.charting.variants import Catalogue
 from tisoft.errors import SceneError
 from tisoft.geometry.shapes import box
 from tisoft.geometry.solid import quadratic
@@ -104,6 +105,57 @@ def test_hexahedra_are_judged_by_linear_elasticity_where_their_kernels_would_tak
     assert judge.error([0.8]).value == pytest.approx(0.75 * 0.2)
     assert judge.error([0.8]).bar == pytest.approx(0.01 + 0.25 * 0.2)
     assert linear_ruler(truth, Error(0.1, 0.01), [0.6]) is None  # linear elasticity tells nothing
+
+
+def test_a_third_mesh_tells_how_far_two_can_be_trusted():
+    """Errors of order 1.8 leave the truth well within a bar half as wide as two meshes give."""
+    truth, off = np.array([1.0, 2.0]), np.array([0.05, -0.1])
+    meshes = [truth + off * h**1.8 for h in (4.0, 2.0, 1.0)]
+    three, two = (
+        estimate.ruler_of_three(meshes), estimate.ruler(*meshes[1:], estimate.TWO_MESHES)
+    )  # fmt: skip
+    assert three.error(truth).value < 0.3 * three.bar and three.bar < 0.5 * two.bar
+    jumping = [meshes[0], 2.0 * truth - meshes[1], meshes[2]]  # from side to side
+    assert estimate.ruler_of_three(jumping).bar > two.bar
+    odd = estimate.ruler(truth + off * 1.5**1.8, truth + off, estimate.TWO_MESHES, 1.5)
+    assert odd.error(truth).value < odd.bar
+
+
+def test_paths_err_in_proportion_to_what_their_variants_err_by(scene):
+    """Three runs whose paths lag by c: the best tells what it errs by, and what a fourth would."""
+    survey = Survey(scene, 1e6)
+    judging, variants = survey.judging, list(survey.catalogue.meshes())[:4]
+    survey.asking.variants[:] = variants
+    coarse = dict(zip(variants, (0.1, 0.2, 0.4, 0.8), strict=True))
+    judging.travel.coarseness = coarse.__getitem__
+    swing = np.sin(np.linspace(0.0, 6.0, 40))[:, None, None] * np.ones(3)
+    for variant in variants[:3]:
+        path = {"path": ((1.0 - coarse[variant]) * swing).tolist()}
+        survey.asking.bench.record(variant)["path"] = path
+    errors = [judging.travel.error(v, {}) for v in variants]
+    first, _, third, last = (e.value for e in errors)
+    assert errors[0].bar == first and first == pytest.approx(0.5 * (third - first), rel=0.6)
+    assert last == pytest.approx(8.0 * first) and errors[3].bar > 0.0
+
+
+def test_nets_that_stand_for_themselves_vary_by_their_step_alone(tmp_path):
+    path = tmp_path / "net.toml"
+    sheet = """
+    [[body]]
+    model = "mass-spring"
+    [body.mesh]
+    cloth = { size = [1, 1], cells = [4, 4] }
+    [[body.pin]]
+    where = { nodes = [0] }
+    """
+    path.write_text(sheet)
+    given = ["body.0.stiffness=10.0", "body.0.node_mass=0.01"]
+    woven = ["body.0.young=1e5", "body.0.density=500.0", "body.0.thickness=0.002"]
+    held = "body.0.pin.0.where={box=[[-1, -1, -1], [0, 1, 2]]}"
+    for settings, alone in ((given, True), (woven, True), ([*woven, held], False)):
+        catalogue = Catalogue(str(path), load_scene(path, settings), settings)
+        assert catalogue.is_itself is alone and bool(list(catalogue.meshes())) is not alone
+    assert len(list(catalogue.steps(1e-3))) == 4
 
 
 def error_of(value, ruler):
