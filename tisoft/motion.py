@@ -32,9 +32,9 @@ from tisoft.touch.easing import set_left
 
 Floats = NDArray[np.float64]
 
-CALM, CALMEST = 0.01, 16
-"""Relative change of the bound up to which the next look may be after twice as many substeps, and
-how many times AGAIN those may be: far from what the step leaves free (`limit.SAFETY`).  Bodies that
+CALM, SPENT, CALMEST = 0.01, 0.125, 16
+"""Relative change of the bound that is expected until the next look, or the share of what the step
+leaves free if that is more; and how many times AGAIN substeps may go by until then.  Bodies that
 may hit something are looked at as often as ever: they are calm until they do.
 """
 CENTERED = 128
@@ -142,12 +142,12 @@ class Motion(Present):
         self.substeps += substeps
         self.since_look += substeps
         if due:
-            self.since_look = 0
+            since, self.since_look = self.since_look, 0
             if self.guard is None or self.scene.integrator == "explicit-euler":
                 self.limit.moved()  # else the guard has just looked at this state
             self.watch.look(self.time)
             self._look_inside()
-            self._recenter()
+            self._recenter(since)
             self._stop_pushing()
             self.look_for_contact()
 
@@ -319,18 +319,21 @@ class Motion(Present):
         self.stepper.advance(count, step, self.gravity_now)
         self.limit.moved()
 
-    def _next_look(self) -> int:
-        """Substeps until the next look, as the state's change asks."""
+    def _next_look(self, since: int) -> int:
+        """Substeps until the next look, as the state's change in the last `since` asks."""
         pins = [pin for part in self.system.parts for pin in part.body.pins]
         lets_go = any(pin.release is not None for pin in pins)
         jolted = bool(self._obstacles) or self.touching is not None or lets_go
-        if not jolted and self.limit.change() < CALM:
-            return min(max(AGAIN, 2 * self.next_look), CALMEST * AGAIN)
-        return AGAIN
+        if jolted:
+            return AGAIN
+        free = max(CALM, SPENT * (self.limit.accepted() / self.steps[-1] - 1.0))
+        change = self.limit.change()
+        calm = since * free / change if change > 0.0 else math.inf
+        return int(min(max(AGAIN, min(calm, 2 * self.next_look)), CALMEST * AGAIN))
 
-    def _recenter(self) -> None:
+    def _recenter(self, since: int) -> None:
         """Move bodies' origins after them, and look again before one has travelled too far."""
-        self.next_look = self._next_look()
+        self.next_look = self._next_look(since)
         step = self.steps[-1]
         if self.center_due - self.time < AGAIN * step:
             self.center_due = self.time + min(self._center(), CENTERED * step)
