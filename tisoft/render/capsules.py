@@ -34,31 +34,27 @@ from tisoft.render.raster import key_of, place_of
 
 
 @ti.func
-def capsule_hit(eye, d, a, b, r):
-    """Depth along the ray eye + t d of its first point on a capsule, and whether it is hit.
-
-    Rays that pass by get the depth of their closest approach, which shading wants at silhouettes.
+def capsule_hit(d, oa, ab, r, length):
+    """How far along d the ray a + oa + t d first meets a capsule from a to a + ab, and whether it
+    does; `length` is ab·ab.  The ray starts near the capsule, which keeps the digits.
     """
-    dd = d.norm_sqr()
-    near = (0.5 * (a + b) - eye).dot(d) / dd  # start near the capsule: keeps the digits
-    o = eye + near * d
-    ab, oa, ob = b - a, o - a, o - b
-    length, along, reach = ab.norm_sqr(), ab.dot(d), ab.dot(oa)
+    dd, along, reach, slope = d.norm_sqr(), ab.dot(d), ab.dot(oa), d.dot(oa)
     qa = length * dd - along * along
-    qb = length * d.dot(oa) - reach * along
-    qc = length * oa.norm_sqr() - reach * reach - r * r * length
-    root = qb * qb - qa * qc
-    t = 0.0
-    if qa > 0.0:
-        t = (-qb - ti.sqrt(ti.max(root, 0.0))) / qa
-    u = reach + t * along
-    if not 0.0 < u < length:
-        oc = oa
-        if u >= length:
-            oc = ob
-        root = oc.dot(d) ** 2 - dd * (oc.norm_sqr() - r * r)
-        t = (-oc.dot(d) - ti.sqrt(ti.max(root, 0.0))) / dd
-    return near + t, root >= 0.0
+    qb = length * slope - reach * along
+    inside = oa.norm_sqr() - r * r
+    root = qb * qb - qa * (length * inside - reach * reach)
+    t, hit = 0.0, root >= 0.0
+    if hit:  # outside the endless cylinder there are no balls
+        if qa > 0.0:
+            t = (-qb - ti.sqrt(root)) / qa
+        u = reach + t * along
+        if not 0.0 < u < length:
+            if u >= length:  # the ball around b
+                slope -= along
+                inside += length - 2.0 * reach
+            root = slope * slope - dd * inside
+            t, hit = (-slope - ti.sqrt(ti.max(root, 0.0))) / dd, root >= 0.0
+    return t, hit
 
 
 @ti.func
@@ -86,15 +82,27 @@ def ball_box(stage: ti.template(), q, r):
 
 
 @ti.func
-def slab(y, p, q):
-    """Interval of x in line y within reach of the line between two boxes' centres."""
+def half_axis(stage: ti.template(), box, q, r):
+    """The larger half axis A of the ellipse that a ball is seen as, in pixels: A² + B² is the sum
+    of its box's half sides squared, and B = r/√(w² − r²) at depth w.
+    """
+    w, across = affine(stage[TO_W], q), head(stage[ACROSS])
+    sides = (box[2] - box[0]) ** 2 + (box[3] - box[1]) ** 2
+    small = r * r / ((w * w - r * r) * across.norm_sqr())
+    return ti.sqrt(ti.max(0.25 * sides - small, small))
+
+
+@ti.func
+def slab(y, p, q, reach):
+    """Interval of x of what line y of pixels has within reach of the line between two boxes'
+    centres.
+    """
     dx = 0.5 * (q[0] + q[2] - p[0] - p[2])
     dy = 0.5 * (q[1] + q[3] - p[1] - p[3])
-    reach = 0.75 * ti.max(p[2] - p[0], p[3] - p[1], q[2] - q[0], q[3] - q[1]) + 1.0
     lo, hi = ti.min(p[0], q[0]), ti.max(p[2], q[2])
     if ti.abs(dy) > reach:
         middle = 0.5 * (p[0] + p[2]) + (y - 0.5 * (p[1] + p[3])) * dx / dy
-        half = reach * ti.sqrt(dx * dx + dy * dy) / ti.abs(dy)
+        half = (reach + 0.5) * ti.sqrt(dx * dx + dy * dy) / ti.abs(dy)
         lo, hi = ti.max(lo, middle - half), ti.min(hi, middle + half)
     return lo, hi
 
@@ -111,22 +119,29 @@ def see_capsules(
         r = stage[ITEMS + ends[3]][2]
         p, q = ball_box(stage, a, r), ball_box(stage, b, r)
         if p[0] <= p[2] and q[0] <= q[2]:
+            corner, across, down = head(stage[CORNER]), head(stage[ACROSS]), head(stage[DOWN])
+            start = affine(stage[TO_W], 0.5 * (a + b))
+            from_a, ab = head(stage[EYE]) - a, b - a
+            length = ab.norm_sqr()
+            reach = ti.max(half_axis(stage, p, a, r), half_axis(stage, q, b, r)) + 0.1
             y0 = ti.cast(ti.max(ti.min(p[1], q[1]), 0.0), ti.i32)
             y1 = ti.cast(ti.min(ti.max(p[3], q[3]), sizes[1] - 1.0), ti.i32)
             for y in range(y0, y1 + 1):
-                lo, hi = slab(y + 0.5, p, q)
+                lo, hi = slab(y + 0.5, p, q, reach)
                 x0 = ti.cast(ti.max(lo, 0.0), ti.i32)
                 x1 = ti.cast(ti.min(hi, sizes[0] - 1.0), ti.i32)
                 for x in range(x0, x1 + 1):
                     for k in range(sizes[2]):
                         place = stage[PLACES + k]
-                        d = head(stage[CORNER]) + (x + place[0]) * head(stage[ACROSS])
-                        d += (y + place[1]) * head(stage[DOWN])
-                        depth, hit = capsule_hit(head(stage[EYE]), d, a, b, r)
+                        d = corner + (x + place[0]) * across + (y + place[1]) * down
+                        t, hit = capsule_hit(d, from_a + start * d, ab, r, length)
+                        depth = start + t
                         if hit and depth > NEAR:
                             at = place_of(x, y, k, sizes[2], sizes[3])
-                            ti.atomic_max(keys[at], key_of(1.0 / depth, i))
-                            marks[y // TILE * sizes[3] + x // TILE] = 1
+                            key = key_of(1.0 / depth, i)
+                            if key > keys[at]:
+                                ti.atomic_max(keys[at], key)
+                                marks[y // TILE * sizes[3] + x // TILE] = 1
 
 
 @ti.kernel
@@ -143,14 +158,16 @@ def map_capsules(
         # Thin springs keep a shadow without holes.
         r = ti.max(stage[ITEMS + ends[3]][2] / stage[LAMP_SIZE + table][1], 0.6)
         if ti.abs(ax) + ti.abs(ay) + ti.abs(bx) + ti.abs(by) < 1e6:
-            y0 = ti.max(ti.min(ay, by) - r - 0.5, 0.0)
-            y1 = ti.min(ti.max(ay, by) + r + 0.5, size - 1.0)
-            x0 = ti.max(ti.min(ax, bx) - r - 0.5, 0.0)
-            x1 = ti.min(ti.max(ax, bx) + r + 0.5, size - 1.0)
+            p, q = vec4(ax - r, ay - r, ax + r, ay + r), vec4(bx - r, by - r, bx + r, by + r)
+            y0 = ti.max(ti.min(p[1], q[1]) - 0.5, 0.0)
+            y1 = ti.min(ti.max(p[3], q[3]) + 0.5, size - 1.0)
             dx, dy = bx - ax, by - ay
             length = ti.max(dx * dx + dy * dy, 1e-12)
             for y in range(ti.cast(y0, ti.i32), ti.cast(y1, ti.i32) + 1):
-                for x in range(ti.cast(x0, ti.i32), ti.cast(x1, ti.i32) + 1):
+                lo, hi = slab(y + 0.5, p, q, r)
+                x0 = ti.cast(ti.max(lo - 0.5, 0.0), ti.i32)
+                x1 = ti.cast(ti.min(hi + 0.5, size - 1.0), ti.i32)
+                for x in range(x0, x1 + 1):
                     px, py = x + 0.5 - ax, y + 0.5 - ay
                     u = ti.min(ti.max((px * dx + py * dy) / length, 0.0), 1.0)
                     if (px - u * dx) ** 2 + (py - u * dy) ** 2 <= r * r:
