@@ -27,12 +27,19 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from tisoft.elements.matrices import each, hooke_blocks, stiffest, top
+from tisoft.elements.pull_back import turns
 from tisoft.geometry.cells import (
     QUADRATIC_EDGES,
     TET_POINTS,
     tet10_slopes,
 )
-from tisoft.laws.base import cofactor, contracted, volume_change
+from tisoft.laws.base import (
+    cofactor,
+    contracted,
+    green_strain,
+    largest_eigenvalue,
+    volume_change,
+)
 
 Floats = NDArray[np.float64]
 
@@ -46,6 +53,9 @@ def in_two(value: float) -> tuple[float, float]:
     first = float(np.float32(value))
     return first, value - first
 
+
+FARTHEST = 2.83
+"""|R − R'| of two rotations at the most, 2√2."""
 
 NEAR, STEP = in_two((5.0 - np.sqrt(5.0)) / 20.0), in_two(np.sqrt(0.2))
 
@@ -161,6 +171,12 @@ def tet10_product(
 
 
 @ti.func
+def least_square(H):
+    """Of the stretches, the least's square, from below; not 0."""
+    return ti.max(1.0 - 2.0 * largest_eigenvalue(-green_strain(H)), 0.0 * H[0, 0] + 0.01)
+
+
+@ti.func
 def tet10_stiffened(
     kind: ti.template(), law: ti.template(), rest: ti.template(), u: ti.template(), m, known, lane
 ):
@@ -168,11 +184,16 @@ def tet10_stiffened(
 
     With the first point's F for all, u′ = Fᵀu sees the stiffness at rest; what the others' F
     differ by, δ, adds to the square root: ω ≤ √a ω₀ + δ ω_Σ, ω_Σ² the sum of the points' own.
+    Where the stiffness turns with F's rotation R alone, u′ = Rᵀu, and R differs by δ over the least
+    stretch at the most (Li 1995).
     """
     H = gradient_at(kind, rest, u, 0, lane)
     grown = law.stiffening(H, m)
     least = 1.0 + volume_change(H, cofactor(H))
     away = 0.0 * least
+    thin = 0.0 * least + 1.0
+    if ti.static(turns(law)):
+        thin = least_square(H)
     for q in range(1, 4):
         other = gradient_at(kind, rest, u, q, lane)
         more = law.stiffening(other, m)
@@ -180,10 +201,15 @@ def tet10_stiffened(
             grown[k] = ti.max(grown[k], more[k])
         least = ti.min(least, 1.0 + volume_change(other, cofactor(other)))
         away = ti.max(away, contracted(other - H, other - H))
+        if ti.static(turns(law)):
+            thin = ti.min(thin, least_square(other))
     omega2, rate = grown[0] * known[0], grown[2] * known[1]
     if ti.static(law.is_finite):
         away = ti.sqrt(away)
-        turned = ti.sqrt(omega2) + away * ti.sqrt(known[4])
+        turned = away
+        if ti.static(turns(law)):
+            turned = ti.min(away / ti.sqrt(thin), 0.0 * away + FARTHEST)
+        turned = ti.sqrt(omega2) + turned * ti.sqrt(known[4])
         omega2 = turned * turned
         turned = ti.sqrt(rate) + away * ti.sqrt(known[5])
         rate = turned * turned

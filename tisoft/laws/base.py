@@ -154,6 +154,21 @@ def largest_eigenvalue(A):
 
 
 @ti.func
+def eigenvalues(A):
+    """Those of a symmetric 3×3 matrix, the largest first (Smith 1961)."""
+    m = A.trace() / 3.0
+    B = A - diagonal(m)
+    p = ti.sqrt(contracted(B, B) / 6.0)
+    det = B[0, 0] * (B[1, 1] * B[2, 2] - B[1, 2] * B[2, 1])
+    det -= B[0, 1] * (B[1, 0] * B[2, 2] - B[1, 2] * B[2, 0])
+    det += B[0, 2] * (B[1, 0] * B[2, 1] - B[1, 1] * B[2, 0])
+    share = 0.5 * det / ti.max(p * p * p, 1e-30)
+    angle = ti.acos(ti.min(ti.max(share, 0.0 * m - 1.0), 0.0 * m + 1.0)) / 3.0
+    most, least = 2.0 * p * ti.cos(angle), 2.0 * p * ti.cos(angle + 2.0943951023931953)
+    return ti.Vector([m + most, m - most - least, m + least])
+
+
+@ti.func
 def stretch_square(E):
     """An upper bound of λ_max(FᵀF), from Green's strain."""
     return ti.max(1.0 + 2.0 * largest_eigenvalue(E), 0.0 * E[0, 0])

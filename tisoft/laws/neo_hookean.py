@@ -8,7 +8,11 @@ with μ' = 4μ/3, λ' = λ + 5μ/6, α = 1 + 3μ'/(4λ'), so that small strains 
 
     ∂P/∂F : G = μ'(1 − 1/(I_C + 1)) G + μ' dI_C/(I_C + 1)² F + λ' dJ cof F + λ'(J − α) dcof
     dI_C = 2 F:G,   dJ = cof F : G,   dcof = ∂cof F/∂F : G
-    stiffening: a bound of |A(F) − A(I)|, A = ∂P/∂F
+    stiffening: A = ∂P/∂F along the principal axes, with stretches s_k and q_k = λ'(J − α) s_k:
+    shears μ'(1 − 1/(I_C + 1)) ± q_k, and stretches μ'(1 − 1/(I_C + 1)) δ_ij
+    + 2μ'/(I_C + 1)² s_i s_j + λ' cof_i cof_j + q_k (i ≠ j ≠ k);  its growth is the largest
+    eigenvalue of what is more than at s = 1, whatever the rotation
+                                                        (Smith, de Goes and Kim 2019, section 4)
 
 | symbol  | name      | unit |
 | ------- | --------- | ---- |
@@ -23,7 +27,9 @@ from tisoft.laws.base import (
     cofactor_rate,
     contracted,
     diagonal,
+    eigenvalues,
     green_strain,
+    largest_eigenvalue,
     stretch_square,
     volume_change,
 )
@@ -86,21 +92,33 @@ class NeoHookean:
     @staticmethod
     @ti.func
     def stiffening(H, m):
-        """A bound of |A(F) − A(I)| [Pa]; 0 at rest."""
+        """b = λ_max(A(F) − A(I)) [Pa], both as seen after F's rotation; 0 at rest."""
         lam, mu = m[0], m[1]
-        K = cofactor(H)
-        t = H.trace()
-        square = contracted(H, H)
-        change = ti.sqrt(square)  # |H|
-        size = ti.sqrt(ti.max(3.0 + 2.0 * t + square, 0.0 * t))  # |F|
-        root3 = ti.sqrt(3.0 + 0.0 * t)
-        bend = cofactor_change(H, K)
-        turn = ti.sqrt(contracted(bend, bend))
-        a = 1.0 / (4.0 + 2.0 * t + square)  # 1/(I_C + 1)
-        away = root3 * ti.abs(a - 0.25) + a * change
-        shear = mu * (ti.max(0.25 - a, 0.0 * a) + 2.0 * away * (a * size + 0.25 * root3))
-        # The derivative of cof F has a norm of (2/√3) |F| at the most, reached by F = s I.
-        swollen = 2.0 / root3 * ti.abs(volume_change(H, K)) * size
-        swell = lam * (turn * (turn + 2.0 * root3) + swollen)
-        growth = shear + swell + 1.5 / root3 * mu * change
-        return ti.Vector([1.0 + 0.0 * lam, growth, stretch_square(green_strain(H))])
+        E = green_strain(H)
+        e = eigenvalues(E)
+        j = volume_change(H, cofactor(H))
+        s = ti.Vector([ti.sqrt(ti.max(1.0 + 2.0 * e[k], 0.0 * j)) for k in ti.static(range(3))])
+        d = ti.Vector([2.0 * e[k] / (1.0 + s[k]) for k in ti.static(range(3))])  # s − 1
+        if j < -1.0:
+            s[2] = -s[2]
+            d[2] = s[2] - 1.0
+        size = 4.0 + 2.0 * E.trace()  # I_C + 1
+        base = 0.5 * mu * E.trace() / size  # μ'(1/4 − 1/(I_C + 1))
+        spread = 2.0 * mu / (size * size)
+        g = 0.0 * d  # cof F − I
+        swollen = 0.0 * d  # λ'(J − α) s_k less that at rest
+        for k in ti.static(range(3)):
+            p, q = ti.static((k + 1) % 3, (k + 2) % 3)
+            g[k] = d[p] + d[q] + d[p] * d[q]
+            swollen[k] = lam * j * s[k] - 0.75 * mu * d[k]
+        swell = diagonal(0.0 * j)
+        for k in ti.static(range(3)):
+            p, q = ti.static((k + 1) % 3, (k + 2) % 3)
+            swell[k, k] = base + spread * s[k] * s[k] - 0.125 * mu + lam * g[k] * (2.0 + g[k])
+            shear = spread * s[p] * s[q] - 0.125 * mu + swollen[k]
+            shear += lam * (g[p] + g[q] + g[p] * g[q])
+            swell[p, q] = shear
+            swell[q, p] = shear
+        turn = base + ti.abs(swollen).max()
+        growth = ti.max(largest_eigenvalue(swell), turn, 0.0 * j)
+        return ti.Vector([1.0 + 0.0 * lam, growth, stretch_square(E)])
