@@ -122,7 +122,7 @@ def followed(sim, frames):
 
 
 def test_the_step_does_not_follow_each_swing():
-    """It falls at once, and rises only to what would have served for 2000 substeps."""
+    """It falls at once, and rises only to what would have served for 500 substeps."""
     sim = bar(stretch=1.08)
     made, steps = followed(sim, 300)
     risen = np.flatnonzero(steps[1:] > 1.02 * steps[:-1]) + 1

@@ -152,12 +152,19 @@ class Pointwise:
 
     def stiffness(self, u: Floats) -> sparse.csc_matrix:
         """K(u) [N/m] as a sparse matrix, unknown 3 node + axis."""
+        return self._assembled("tangent", u)
+
+    def viscosity(self, u: Floats) -> sparse.csc_matrix:
+        """C(u) [N·s/m] as a sparse matrix (point damping left out)."""
+        return self._assembled("rate", u)
+
+    def _assembled(self, what: str, u: Floats) -> sparse.csc_matrix:
         self.look(u)
-        tangents, begun, matrices = self._slope("tangent"), 0, []
-        bricks = iter(self._hourglass("tangent"))
+        slopes, begun, matrices = self._slope(what), 0, []
+        bricks = iter(self._hourglass(what))
         for share in self._shares:
             count = share.volumes.size
-            own = share.matrices(tangents[begun : begun + count])
+            own = share.matrices(slopes[begun : begun + count])
             matrices.append(own + next(bricks) if share.is_hexahedra else own)
             begun += count
         return self._pattern.matrix(matrices)

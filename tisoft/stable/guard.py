@@ -209,7 +209,7 @@ class Guard:
             return "positions are not finite"
         if look:
             scene.limit.moved()
-            highest = scene.limit.accepted()
+            highest = scene.limit.accepted(step)
             if step > highest:
                 return f"the step is above {highest:.3g} s, the limit of the deformed state"
         kinetic = scene.stepper.kinetic(number)

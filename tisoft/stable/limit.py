@@ -10,27 +10,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft.equilibrium.at_rest import AtRest
-from tisoft.equilibrium.operators import Operators, operators_of
+from tisoft.equilibrium.operators import Elastic, Operators, operators_of
 from tisoft.model.part import Part
 from tisoft.model.system import System
 from tisoft.stable.bound import NO_LIMIT, limits_at_rest, make_look
 from tisoft.stable.sharp import sharp_limit
 from tisoft.step.stepper import INTEGRATORS
 
+Floats = NDArray[np.float64]
+
 SHARE = 0.9
 """Share of the sharp limit that step = "auto" uses."""
 SAFETY = 0.95
 """Share of the guaranteed bound that it uses away from rest: room to stiffen within a frame."""
-DRIFT = 0.1
-"""Relative change of the bound up to which the last sharp limit is trusted."""
-SPARE = 200
-"""Substeps between two sharp limits, per product with the whole scene that the last took (a product
-in f64 costs up to eight substeps): 4 % of the run.  The first one after that at rest waits as long,
-so that no frame of a short run waits for it."""
-FALLEN, SOON = 0.6, 10
-"""Share of the bound of the last sharp limit below which so many substeps, per product, are enough:
-a few tets squashed by contact let the bound fall to a fifth, and the limit not at all."""
-PATIENCE = 2000
+DRIFT = 0.25
+"""Relative fall of the bound up to which the last sharp limit is trusted, in proportion."""
+SPARE, SOON = 25, 4
+"""Substeps between two sharp limits, for each that the last took as long as: 4 % of the run, or a
+quarter where bodies would have a step below FALLEN of what their last sharp limit allowed."""
+FALLEN = 0.7
+COST = {True: 3, False: 8}
+"""Substeps that a product in f64 costs as much as, of an assembled matrix or of kernels."""
+FIRST = 4e6
+"""Cell-substeps before a first limit is sharpened, which compiles a kernel: no short run waits."""
+PATIENCE = 500
 """Substeps through which a longer step must have been allowed before it is taken."""
 ASSEMBLED = 30_000
 """Cells up to which a matrix is sooner made than a kernel compiled."""
@@ -66,9 +69,11 @@ class StepLimit:
         self._bound: float | None = None
         self._before: float | None = None
         """The bound that was known before the state became another one."""
-        self._sharp: tuple[float, float] | None = None
-        self._rest_bounds: tuple[float, float] = (np.inf, np.inf)
-        self._next_look = self._next_soon = 0
+        self._at_rest: Floats | None = None
+        """Sharp limit of each body at rest [s]."""
+        self._rest_bounds = np.full(len(system.parts), np.inf)
+        """The bound of each [s]."""
+        self._next_look = self._next_soon = self._seen = 0
         self.sharpens = True
         """Whether the sharp limit is found anew in states far from rest, which takes a while."""
         self.refresh()
@@ -87,22 +92,19 @@ class StepLimit:
 
         The sharp limit is scaled as the bound, until the next look finds it anew.
         """
-        before = self._rest_bounds if self._sharp is not None else None
-        self.limits_at_rest = [limits_at_rest(part, self.factor) for part in self.system.parts]
+        before, parts = self._rest_bounds, self.system.parts
+        self.limits_at_rest = [limits_at_rest(part, self.factor) for part in parts]
         least = [float(steps.min(initial=np.inf)) for steps in self.limits_at_rest]
-        parts = self.system.parts
-        solids = [a for a, p in zip(least, parts, strict=True) if not p.is_springs]
-        nets = [a for a, p in zip(least, parts, strict=True) if p.is_springs]
-        self._rest_bounds = min(solids, default=np.inf), min(nets, default=np.inf)
+        self._rest_bounds = np.array(least)
         self._still_step = min(
             (a for a, p in zip(least, parts, strict=True) if p.is_tensor), default=np.inf
         )
-        if before is not None and self._sharp is not None:
-            pairs = zip(self._sharp, self._rest_bounds, before, strict=True)
-            solid, net = (s if now == old else s * now / old for s, now, old in pairs)
-            self._sharp = solid, net
+        if self._at_rest is not None:
+            other = self._rest_bounds != before
+            self._at_rest[other] *= self._rest_bounds[other] / before[other]
         self._elastic: dict[int, Operators] = {}
-        self._reference: tuple[float, float] | None = None
+        self._references: Floats | None = None
+        """Sharp limit and bound [s] of each solid when it was sharpened last, shape (solids, 2)."""
         self._held = np.inf
         self._window_start, self._window_least = 0, np.inf
         self._bound, self._is_new = None, True
@@ -110,7 +112,12 @@ class StepLimit:
     @property
     def spring_step(self) -> float:
         """The springs' bound [s]."""
-        return self._rest_bounds[1]
+        return self._least(self._rest_bounds, springs=True)
+
+    def _least(self, steps: Floats, *, springs: bool) -> float:
+        """The least of what bodies have each, of nets or of solids."""
+        own = [part.is_springs == springs for part in self.system.parts]
+        return float(steps[own].min(initial=np.inf))
 
     def follow(self) -> None:
         """Bring the tets' limits up to date with the present state."""
@@ -156,21 +163,16 @@ class StepLimit:
             return np.inf
         return 0.0 if bound == before else abs(bound - before) / before if before > 0.0 else np.inf
 
-    def _look(self, parts: list[Part], u: NDArray[np.float64] | None) -> tuple[float, int]:
-        """The parts' sharp limit [s] at displacements u, or at rest, and the products with the
-        whole scene that it took as much as.
+    def _look(self, part: Part, u: Floats | None, most: float = np.inf) -> tuple[float, float]:
+        """A body's sharp limit [s] at its displacements u [m], or at rest, and the substeps that it
+        took as long as.
+
+        Args: most: a step [s] beyond which it is of no interest.
         """
-        step, products = np.inf, 0.0
-        for part in parts:
-            found = sharp_limit(
-                part,
-                integrator=self.integrator,
-                u=None if u is None else u[part.nodes],
-                elastic=self._operators(part, at_rest=u is None),
-            )
-            step = min(step, found.step)
-            products += found.products * part.elements / max(1, self.system.elements)
-        return step, math.ceil(products)
+        elastic = self._operators(part, at_rest=u is None)
+        found = sharp_limit(part, integrator=self.integrator, u=u, elastic=elastic, most=most)
+        share = part.elements / max(1, self.system.elements)
+        return found.step, COST[not isinstance(elastic, Elastic)] * found.products * share
 
     def _operators(self, part: Part, *, at_rest: bool) -> Any:
         if at_rest and 0 < part.elements <= ASSEMBLED:
@@ -179,29 +181,28 @@ class StepLimit:
             self._elastic[part.index] = operators_of(part)
         return self._elastic[part.index]
 
-    def _sharp_at_rest(self) -> tuple[float, float]:
-        """The sharp limits at rest of the solids and of the springs [s]."""
-        if self._sharp is None:
-            nets = [part for part in self.system.parts if part.is_springs]
-            solid, products = self._look(self._solids, None)
-            self._sharp = (
-                max(self._rest_bounds[0], solid),
-                max(self._rest_bounds[1], self._look(nets, None)[0]),
-            )
-            self._wait(0, products)
-        return self._sharp
+    def _sharp_at_rest(self) -> Floats:
+        """The sharp limit of each body at rest [s]."""
+        if self._at_rest is None:
+            found = [self._look(part, None) for part in self.system.parts]
+            self._at_rest = np.maximum([step for step, _ in found], self._rest_bounds)
+        return self._at_rest
 
     @property
     def _solids(self) -> list[Part]:
         return [part for part in self.system.parts if not part.is_springs]
 
+    @property
+    def _numbers(self) -> list[int]:
+        return [part.index for part in self._solids]
+
     def sharp(self) -> float:
         """The stable limit at rest [s], damping included: never above the true one, within 1 %."""
-        return min(self._sharp_at_rest())
+        return float(self._sharp_at_rest().min(initial=np.inf))
 
     def rest_bound(self) -> float:
         """The guaranteed bound at rest [s]."""
-        return min(self._rest_bounds)
+        return float(self._rest_bounds.min(initial=np.inf))
 
     def chosen(self, substeps: int) -> float:
         """The step [s] that "auto" takes in the state looked at last, after `substeps` of the run.
@@ -225,60 +226,110 @@ class StepLimit:
         """The step [s] that the solids' present state allows; springs have their bound, which holds
         in every state: a net whose springs line up is stiffer than at rest.
 
-        Where the bound is near that of the last sharp limit, it is SHARE of that, in proportion;
-        elsewhere the bound itself, with room to stiffen within a frame.  Now and then, as often as
-        SPARE allows, the limit is sharpened in the present state.
+        Where a body's bound is near that of its last sharp limit, it is SHARE of that, in
+        proportion; elsewhere the bound itself, with room to stiffen within a frame.  Now and then,
+        as often as SPARE allows, the limits of those bodies that set the step are sharpened.
         """
-        bound = self._solid_bound()
-        if not np.isfinite(bound):
+        bounds = self._solid_bounds()
+        if not np.isfinite(bounds.min(initial=np.inf)):
             return np.inf
-        if self._reference is None:
-            self._reference = (self._sharp_at_rest()[0], self._rest_bounds[0])
-        due = self._next_soon if bound < FALLEN * self._reference[1] else self._next_look
-        if self.sharpens and self._has_drifted(bound) and substeps >= due:
-            u = self.system.u.astype(np.float64)
-            for part in self.system.parts:
-                u[part.nodes] += part.shift
-            sharp, products = self._look(self._solids, u)
-            self._reference = (max(sharp, bound), bound)
-            self._wait(substeps, products)
-        sharp, reference = self._reference
-        if self._has_drifted(bound):
-            return SAFETY * bound
-        return max(SHARE * sharp * min(1.0, bound / reference), SAFETY * bound)
+        self._seen = substeps
+        allowed = self._allowed_each(bounds)
+        has_fallen = bool((allowed < FALLEN * SHARE * self._known()[:, 0]).any())
+        is_due = substeps >= (self._next_soon if has_fallen else self._next_look)
+        is_due = is_due and self._may_sharpen()
+        spent = 0.0
+        while True:
+            worst = int(np.argmin(allowed))
+            if not is_due or not self._has_drifted(bounds)[worst]:
+                break
+            spent += self._sharpen(worst, bounds[worst])
+            allowed = self._allowed_each(bounds)
+        if spent:
+            self._wait(substeps, spent)
+        return float(allowed.min())
 
-    def _wait(self, substeps: int, products: int) -> None:
-        """Say when the limit may be sharpened again, after so many substeps and products."""
-        self._next_look, self._next_soon = substeps + SPARE * products, substeps + SOON * products
+    def _may_sharpen(self) -> bool:
+        """Whether the run is long enough by now for sharp limits in states far from rest."""
+        return self.sharpens and self._seen * self.system.elements >= FIRST
 
-    def _solid_bound(self) -> float:
-        """The bound of the tets alone, in the present state [s]."""
-        least = min(self._tets_bound(), self._still_step)
-        return least if self._solids else np.inf
+    def _sharpen(self, number: int, bound: float) -> float:
+        """Find a solid's sharp limit in the present state, in which it has this bound [s]; returns
+        the substeps that it took as long as.
+        """
+        known, part = self._known(), self._solids[number]
+        u = self.system.u[part.nodes].astype(np.float64) + part.shift
+        sharp, spent = self._look(part, u, float(self._sharp_at_rest()[part.index]))
+        known[number] = max(sharp, bound), bound
+        return spent
 
-    def _has_drifted(self, bound: float) -> bool:
-        assert self._reference is not None
-        return abs(bound / self._reference[1] - 1.0) > DRIFT
+    def _known(self) -> Floats:
+        """Sharp limit and bound [s] of each solid when it was sharpened last, shape (solids, 2)."""
+        if self._references is None:
+            columns = self._sharp_at_rest(), self._rest_bounds
+            self._references = np.stack(columns, axis=1)[self._numbers]
+        return self._references
 
-    def accepted(self) -> float:
-        """The longest step [s] with which a frame may have come to the present state."""
+    def _allowed_each(self, bounds: Floats) -> Floats:
+        """The step [s] that each solid allows."""
+        sharp, reference = self._known().T
+        near = np.where(self._has_drifted(bounds), 0.0, SHARE * sharp)
+        each: Floats = np.maximum(near * np.minimum(1.0, bounds / reference), SAFETY * bounds)
+        return each
+
+    def _wait(self, substeps: int, spent: float) -> None:
+        """Say when the limit may be sharpened again, which took as long as `spent` substeps."""
+        spent = math.ceil(spent)
+        self._next_look, self._next_soon = substeps + SPARE * spent, substeps + SOON * spent
+
+    def _solid_bounds(self) -> Floats:
+        """The bound of each solid in the present state [s]."""
+        bound = min(self._tets_bound(), self._still_step)
+        if len(self._numbers) < 2 or not np.isfinite(bound):
+            return np.full(len(self._numbers), bound)
+        now = np.empty(self.system.count, self.system.real)
+        self.system.state.read_limits(self.system.first, now)
+        return np.array([self._bound_of(part, now) for part in self._solids])
+
+    def _bound_of(self, part: Part, now: NDArray[Any]) -> float:
+        """One body's, of all nodes' limits `now`."""
+        if part.is_tensor:
+            return float(self._rest_bounds[part.index])
+        least = float(now[part.nodes].min(initial=np.inf))
+        return np.inf if least >= NO_LIMIT else least * ROUNDING
+
+    def _has_drifted(self, bounds: Floats) -> NDArray[np.bool_]:
+        """Which solids' bounds are far below those known with their sharp limits."""
+        fallen: NDArray[np.bool_] = bounds < (1.0 - DRIFT) * self._known()[:, 1]
+        return fallen
+
+    def accepted(self, step: float = 0.0) -> float:
+        """The longest step [s] with which a frame may have come to the present state; bodies whose
+        bound says that `step` was too long are looked at sharply, which is sooner done than the
+        frame once more.
+        """
         if not self._moves:
             return np.inf
-        sharp, bound = self._reference or (self._sharp_at_rest()[0], self._rest_bounds[0])
-        return self._solid_bound() * sharp / bound
+        bounds, known = self._solid_bounds(), self._known()
+        for k in np.argsort(bounds * known[:, 0] / known[:, 1]):
+            is_known = bounds[k] * known[k, 0] >= step * known[k, 1] or bounds[k] == known[k, 1]
+            if is_known or not self._may_sharpen() or not bounds[k] > 0.0:
+                break
+            self._sharpen(int(k), bounds[k])
+        return float((bounds * known[:, 0] / known[:, 1]).min(initial=np.inf))
 
     def nearest(self) -> float:
         """The limit [s] of all bodies in the state looked at last, as well as it is known."""
-        solid, net = self._sharp_at_rest()
-        return min(self.accepted() if self._moves else solid, net)
+        at_rest = self._sharp_at_rest()
+        solid = self.accepted() if self._moves else self._least(at_rest, springs=False)
+        return min(solid, self._least(at_rest, springs=True))
 
     def state(self) -> dict[str, Any]:
         """What a checkpoint keeps, so that the same bits follow."""
-        sharp, bound = self._reference or (None, None)
+        known = self._references
         return {
-            "rest": self._sharp_at_rest(),
-            "sharp": sharp,
-            "bound": bound,
+            "at_rest": self._sharp_at_rest().tolist(),
+            "known": None if known is None else known.tolist(),
             "next": self._next_look,
             "soon": self._next_soon,
             "held": self._held,
@@ -290,9 +341,9 @@ class StepLimit:
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Go on from what `state` told."""
-        self._sharp = (state["rest"][0], state["rest"][1])
-        if state["sharp"] is not None:
-            self._reference = (state["sharp"], state["bound"])
+        if "at_rest" in state:  # older ones knew the least of all bodies alone
+            self._at_rest = np.array(state["at_rest"])
+            self._references = None if state["known"] is None else np.array(state["known"])
         self._next_look, self._next_soon = state["next"], state["soon"]
         self._held = state["held"]
         self._window_start, self._window_least = state["window_start"], state["window_least"]

@@ -23,6 +23,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh, splu
 
 from tisoft.equilibrium.one_thread import one_thread
 from tisoft.equilibrium.operators import Operators, operators_of
+from tisoft.equilibrium.pointwise import Pointwise
 from tisoft.model.part import Part
 from tisoft.model.system import System
 from tisoft.stable.bound import longest_step
@@ -31,8 +32,8 @@ from tisoft.step.stepper import INTEGRATORS
 Floats = NDArray[np.float64]
 Operator = Callable[[Floats], Floats]
 
-TOLERANCE = 1e-3
-"""Relative accuracy of the eigenvalue."""
+TOLERANCE, ROUGH = 1e-3, 1e-2
+"""Relative accuracy of the eigenvalue; where a step is only looked at."""
 ROUNDS = 6
 SMALLEST = 3
 """Nodes up to which a dense solver takes over: ARPACK wants more unknowns than a few."""
@@ -63,43 +64,85 @@ def sharp_step(system: System, *, integrator: str, u: Floats | None = None) -> f
 
 @one_thread()
 def sharp_limit(
-    part: Part, *, integrator: str, u: Floats | None = None, elastic: Operators | None = None
+    part: Part,
+    *,
+    integrator: str,
+    u: Floats | None = None,
+    elastic: Operators | None = None,
+    most: float = np.inf,
 ) -> SharpLimit:
-    """The stable limit of one body and the shape that sets it; `elastic` spares making it anew."""
+    """The stable limit of one body and the shape that sets it.
+
+    Args:
+        part, integrator: the body, and the rule by which it moves.
+        u: displacements [m], inside order; at rest without them.
+        elastic: spares making it anew.
+        most: a step [s] beyond which the limit is of no interest: a viscous body is looked at there
+            first, and roughly.
+    """
     elastic = elastic or operators_of(part)
-    products = 0
     here = np.zeros((elastic.nodes, 3)) if u is None else np.asarray(u, dtype=np.float64)
     factor = INTEGRATORS[integrator].damping_factor
     drag = factor * part.body.model.point_damping
-    mass = _Mass(part, elastic)
-
-    def stiffness(w: Floats) -> Floats:
-        nonlocal products
-        products += 1
-        return elastic.stiffness_times(w, here)
-
-    def viscosity(w: Floats) -> Floats:
-        nonlocal products
-        products += 1
-        return factor * elastic.viscosity_times(w, here)
-
-    def both(h: float) -> Operator:
-        return lambda w: h * h * stiffness(w) + 2.0 * h * viscosity(w)
-
+    mass, pair = _Mass(part, elastic), _Pair(elastic, here, factor)
     mode = _start_vector(elastic.nodes)
-    value, mode, residual = _largest(mass, stiffness, mode)
-    step = float(longest_step(np.array(max(value + residual, 0.0)), np.array(drag)))
+    step, within = most, TOLERANCE if np.isinf(most) else ROUGH
     if not part.is_viscous() or not np.isfinite(step):
-        return SharpLimit(step, mode, products)
+        value, mode, residual = _largest(mass, pair.stiffness, mode, within)
+        step = float(longest_step(np.array(max(value + residual, 0.0)), np.array(drag)))
+    if not part.is_viscous() or not np.isfinite(step):
+        return SharpLimit(step, mode, pair.products)
     for _ in range(ROUNDS):
         h = step
-        value, mode, residual = _largest(mass, both(h), mode)
-        k, c = np.vdot(mode, stiffness(mode)), np.vdot(mode, viscosity(mode))
+        value, mode, residual = _largest(mass, pair.both(h), mode, within)
+        k, c = np.vdot(mode, pair.stiffness(mode)), np.vdot(mode, pair.viscosity(mode))
         step = float(longest_step(np.array(k), np.array(c + drag)))
-        if step >= h * (1.0 - TOLERANCE):
+        if step >= h * (1.0 - within):
             break
     # Scaling h by s < 1 scales 2hC + h²K by s at the most.
-    return SharpLimit(h * min(1.0, 4.0 / (value + residual + 2.0 * h * drag)), mode, products)
+    shortened = h * min(1.0, 4.0 / (value + residual + 2.0 * h * drag))
+    return SharpLimit(shortened, mode, pair.products)
+
+
+class _Pair:
+    """K and C of a body in the state u, which count their products."""
+
+    def __init__(self, elastic: Operators, u: Floats, factor: int) -> None:
+        self.products = 0
+        self._elastic, self._u, self._factor = elastic, u, factor
+        self._matrices: tuple[Any, Any] | None = None
+        if isinstance(elastic, Pointwise):  # the products with points take ten times as long
+            self._matrices = elastic.stiffness(u).T, factor * elastic.viscosity(u).T
+
+    def stiffness(self, w: Floats) -> Floats:
+        """K w [N]."""
+        self.products += 1
+        if self._matrices is not None:
+            return _times(self._matrices[0], w)
+        return self._elastic.stiffness_times(w, self._u)
+
+    def viscosity(self, w: Floats) -> Floats:
+        """C w [N], as often as the integrator sees it."""
+        if self._matrices is not None:
+            return _times(self._matrices[1], w)
+        return self._factor * self._elastic.viscosity_times(w, self._u)
+
+    def both(self, h: float) -> Operator:
+        """h²K + 2hC."""
+        if self._matrices is not None:
+            matrix = h * h * self._matrices[0] + 2.0 * h * self._matrices[1]
+
+            def times(w: Floats) -> Floats:
+                self.products += 1
+                return _times(matrix, w)
+
+            return times
+        return lambda w: h * h * self.stiffness(w) + 2.0 * h * self.viscosity(w)
+
+
+def _times(matrix: Any, w: Floats) -> Floats:
+    product: Floats = (matrix @ w.ravel()).reshape(w.shape)
+    return product
 
 
 def _start_vector(nodes: int) -> Floats:
@@ -144,15 +187,13 @@ class _Mass:
         return out
 
 
-def _largest(mass: _Mass, operator: Operator, start: Floats) -> tuple[float, Floats, float]:
-    """λ_max of A w = λ M w, the vector (wᵀMw = 1), and the residual's M⁻¹ norm."""
+def _largest(
+    mass: _Mass, operator: Operator, start: Floats, within: float
+) -> tuple[float, Floats, float]:
+    """λ_max of A w = λ M w, `within` a share of it, the vector (wᵀMw = 1), and the residual's M⁻¹
+    norm.
+    """
     shape = start.shape
-
-    def flat(function: Operator) -> LinearOperator:
-        def apply(w: Floats) -> Floats:
-            return function(w.reshape(shape)).ravel()
-
-        return LinearOperator((start.size, start.size), matvec=apply, dtype=np.float64)
 
     def held_out(w: Floats) -> Floats:
         return mass.free * operator(mass.free * w)
@@ -161,22 +202,14 @@ def _largest(mass: _Mass, operator: Operator, start: Floats) -> tuple[float, Flo
         w = _dense(mass, held_out, shape)
     else:
         try:
-            # On held axes the mass of the eigenproblem is 1, and A is 0.
-            found = eigsh(
-                flat(held_out),
-                k=1,
-                M=flat(lambda w: mass.times(w) + ~mass.free * w),
-                Minv=flat(lambda r: mass.solve(r) + ~mass.free * r),
-                which="LA",
-                v0=(mass.free * start).ravel(),
-                tol=TOLERANCE,
-            )
-            w = found[1][:, 0].reshape(shape)
+            w = _lanczos(mass, held_out, start, within)
         except ArpackError as late:
             found = getattr(late, "eigenvectors", np.empty(0))
             if not found.size:
                 return np.inf, start, 0.0  # nothing is known: the elements' bound has to do
             w = found[:, 0].reshape(shape)
+            if mass.matrix is None:
+                w = w / np.sqrt(mass.lumped)
     w = mass.free * w
     size = float(np.vdot(w, mass.times(w)))
     w = w / math.sqrt(size or 1.0)
@@ -184,6 +217,32 @@ def _largest(mass: _Mass, operator: Operator, start: Floats) -> tuple[float, Flo
     value = float(np.vdot(w, image))
     left = image - value * mass.times(w)
     return value, w, math.sqrt(max(float(np.vdot(left, mass.solve(left))), 0.0))
+
+
+def _lanczos(mass: _Mass, operator: Operator, start: Floats, within: float) -> Floats:
+    """The vector of λ_max, roughly; raises ArpackError."""
+
+    def flat(function: Operator) -> LinearOperator:
+        def apply(w: Floats) -> Floats:
+            return function(w.reshape(start.shape)).ravel()
+
+        return LinearOperator((start.size, start.size), matvec=apply, dtype=np.float64)
+
+    rules: dict[str, Any] = {"k": 1, "which": "LA", "tol": within}
+    if mass.matrix is None:  # M^½ w instead of w
+        root = np.sqrt(mass.lumped)
+        whole = flat(lambda y: operator(y / root) / root)
+        found = eigsh(whole, v0=(mass.free * start * root).ravel(), **rules)
+        return np.asarray(found[1][:, 0].reshape(start.shape) / root)
+    # On held axes the mass of the eigenproblem is 1, and A is 0.
+    found = eigsh(
+        flat(operator),
+        M=flat(lambda w: mass.times(w) + ~mass.free * w),
+        Minv=flat(lambda r: mass.solve(r) + ~mass.free * r),
+        v0=(mass.free * start).ravel(),
+        **rules,
+    )
+    return np.asarray(found[1][:, 0].reshape(start.shape))
 
 
 def _dense(mass: _Mass, operator: Operator, shape: tuple[int, ...]) -> Floats:
