@@ -211,6 +211,7 @@ class StepLimit:
         the last PATIENCE substeps.  Symplectic Euler conserves an energy that depends on the step:
         one that followed each swing of a body would pump energy into it.
         """
+        self._seen = substeps
         if self._bound is not None and not self._is_new:
             return self._held
         allowed = min(self._allowed(substeps), self.spring_step * ROUNDING)
@@ -233,7 +234,6 @@ class StepLimit:
         bounds = self._solid_bounds()
         if not np.isfinite(bounds.min(initial=np.inf)):
             return np.inf
-        self._seen = substeps
         allowed = self._allowed_each(bounds)
         has_fallen = bool((allowed < FALLEN * SHARE * self._known()[:, 0]).any())
         is_due = substeps >= (self._next_soon if has_fallen else self._next_look)

@@ -16,19 +16,24 @@ from tisoft import runtime
 A = ti.types.ndarray()
 
 (POINT, POINT_END, TRIANGLE, TRIANGLE_END, EDGE, EDGE_END, BODY, BODY_END, PAIR, FACE_ROOM,
- EDGE_ROOM, BUCKET, MASK, NODE, COUPLE, BOX, BOX_END, THREAD, COUNT, BUILT, BUILDS, FULL,
- SWEEPS, ROWS, BOXES, STANDING, CORES, MOVING, ORDERS) = range(29)  # fmt: skip
+ EDGE_ROOM, POINT_PATCH, FACE_PATCH, EDGE_PATCH, PATCH_END, NODE, COUPLE, CANDIDATE, WIDTH, THREAD,
+ COUNT, BUILT, BUILDS, FULL, SWEEPS, ROWS, STANDING, CORES, MOVING, ORDERS) = range(30)  # fmt: skip
 """Columns of `Touch.order`: where a scene's rows begin and end; candidates found; threads of the
 last search, 0 where it is out of date; searches; whether candidates found no room; sweeps and rows
-so far; first point and first core of obstacles, and whether those move."""
-LEAST, MOST, THICK, LONGEST, REACH, SHRUNK, TOLERANCE, SUNK, LEFT, RATE, LENGTHS = range(11)
-"""Columns of `Touch.length` [m]: least and most margin, largest thickness, longest edge, distance
-up to which pairs are listed at the most, share of the margins that had room (1), residual that ends
-the sweeps; most of `Touch.sunk`, the share of it that is left (1), and how fast that falls [1/s].
+so far; first point and first core of obstacles, and whether those move.  Patches are of points, of
+triangles, of edges; each thread has WIDTH rows of `candidate`."""
+LEAST, MOST, THICK, LONGEST, SHRUNK, TOLERANCE, SUNK, LEFT, RATE, LENGTHS = range(10)
+"""Columns of `Touch.length` [m]: least and most margin, largest thickness, bodies' longest edge,
+share of the margins that had room (1), residual that ends the sweeps; most of `Touch.sunk`, the
+share of it that is left (1), and how fast that falls [1/s].
 """
-SOLID, SELF, OBSTACLE, ROUND, BARE, ROW, FIRST, LAST, NEAR, BOX_START, TRAITS = range(11)
+(SOLID, SELF, OBSTACLE, ROUND, BARE, ROW, FIRST, LAST, NEAR, OWN_POINTS, _, OWN_EDGES, _,
+ TRAITS) = range(14)  # fmt: skip
 """Columns of `Touch.trait`: whether it is an obstacle, the kind of core that it is, whether points
-leave its triangles alone, its row of `State.obstacle`."""
+leave its triangles alone, its row of `State.obstacle`; how many bodies are near; where its patches
+of points and edges begin, and end."""
+BEGIN, END, OWNER = range(3)
+"""Columns of `Touch.patch`: its rows, and its body."""
 (HALF, FRICTION, DEPTH, ALLOWED, SHARE, EASE, GROW, AHEAD, WAY, SPEED,
  NUMBERS) = range(11)  # fmt: skip
 """Columns of `Touch.number`: half the thickness, or a core's radius [m], Coulomb's coefficient,
@@ -58,10 +63,10 @@ class Touch:
         "fans": 12288,
         "edges": 1024,
         "pairs": 32768,
-        "buckets": 16384,
         "bodies": 64,
         "couples": 1024,
-        "boxes": 1024,
+        "patches": 2048,
+        "candidates": 4096,
         "threads": 64,
         "scenes": 16,
     }  # fmt: skip
@@ -71,7 +76,6 @@ class Touch:
         self.real = real = runtime.real_type(structure)[1]
         self.wide = wide = ti.f64 if runtime.has_f64() else ti.f32
         vec3 = ti.types.vector(3, real)
-        four = ti.types.vector(4, ti.i32)
         builder = ti.FieldsBuilder()
 
         def field(kind: Any, count: str, *more: int) -> Any:
@@ -117,10 +121,6 @@ class Touch:
         """Where its rows of `slot` begin."""
         self.fan_start = field(ti.i32, "points")
         """Where its rows of `fan` begin."""
-        self.cell = field(four, "points")
-        """Cell of the grid, and its bucket."""
-        self.sorted = field(ti.i32, "points")
-        """Points by bucket."""
         self.touched = field(ti.i32, "points")
         """Each thread's points that are part of rows."""
 
@@ -136,10 +136,6 @@ class Touch:
         """Ends."""
         self.sides = field(ti.i32, "edges", 2)
         """See `Surface.sides`."""
-        self.edge_cell = field(four, "edges")
-        """Cell of its middle, and its bucket."""
-        self.edge_sorted = field(ti.i32, "edges")
-        """Edges by bucket."""
 
         self.ends = field(ti.i32, "pairs", 4)
         """Its points: a point and a triangle's, or two of each edge."""
@@ -174,10 +170,14 @@ class Touch:
         self.slot = field(ti.i32, "pairs", 4)
         """4 pair + corner, by point; four to a row."""
 
-        self.bucket = field(ti.i32, "buckets", 2)
-        """Where the points, and the edges, of a bucket begin."""
-        self.only = field(ti.i32, "buckets")
-        """Body that a bucket's points are all of, −1 where of several."""
+        self.patch = field(ti.i32, "patches", 3)
+        self.patch_low = field(vec3, "patches")
+        """Its box [m]."""
+        self.patch_high = field(vec3, "patches")
+        self.patch_speed = field(real, "patches")
+        """Of its fastest point [m/s]."""
+        self.candidate = field(ti.i32, "candidates")
+        """Each thread's patches near another one."""
         self.trait = field(ti.i32, "bodies", TRAITS)
         self.number = field(real, "bodies", NUMBERS)
         self.spin = field(vec3, "bodies")
@@ -189,11 +189,10 @@ class Touch:
         self.high = field(vec3, "bodies")
         self.may = field(ti.i32, "couples")
         """Whether two bodies may touch, row by row."""
+        self.partner = field(ti.i32, "couples")
+        """Bodies near each, from its first row on."""
         self.sunk = field(real, "couples")
         """How deep they were in each other when pushing them out began [m]."""
-        self.box_low = field(vec3, "boxes")
-        """Parts of a body's box where another one may be near [m]."""
-        self.box_high = field(vec3, "boxes")
         self.segment = field(ti.i32, "threads", 6)
         self.most = field(real, "threads", 3)
         self.order = field(ti.i32, "scenes", ORDERS)
@@ -204,9 +203,9 @@ class Touch:
     def bytes_of(structure: str, rows: dict[str, int]) -> int:
         """Memory that the fields take [bytes]."""
         real = 8 if structure == "f64" else 4
-        points = rows["points"] * (26 * real + 44) + rows["nodes"] * (6 * real + 4)
-        return points + rows["triangles"] * 28 + rows["fans"] * 8 + rows["edges"] * 36 + (
-            rows["pairs"] * (19 * real + 52) + rows["buckets"] * 12
+        points = rows["points"] * (26 * real + 24) + rows["nodes"] * (6 * real + 4)
+        return points + rows["triangles"] * 28 + rows["fans"] * 8 + rows["edges"] * 16 + (
+            rows["pairs"] * (19 * real + 52) + rows["patches"] * (7 * real + 12)
         )  # fmt: skip
 
     def destroy(self) -> None:
@@ -252,6 +251,14 @@ class Touch:
             for d in ti.static(range(2)):
                 self.edge[first + k, d] = edges[k, d]
                 self.sides[first + k, d] = sides[k, d]
+
+    @ti.kernel
+    def write_patches(self, first: int, patches: A):
+        """Write patches."""
+        ti.loop_config(serialize=self.serial)
+        for k in range(patches.shape[0]):
+            for d in ti.static(range(3)):
+                self.patch[first + k, d] = patches[k, d]
 
     @ti.kernel
     def write_bodies(self, first: int, traits: A, numbers: A, couple: int, may: A):

@@ -24,7 +24,8 @@ import taichi as ti
 from tisoft.obstacles.base import FLAT_LINE, POINT
 from tisoft.touch import fields as f
 from tisoft.touch.closest import between_lines, nearest_on_line, on_triangle
-from tisoft.touch.lists import BLUR, couple_of
+from tisoft.touch.lists import BLUR
+from tisoft.touch.near import couple_of
 
 PUSH = 0.2
 """Share of a penetration that a substep takes back."""

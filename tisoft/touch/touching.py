@@ -29,6 +29,7 @@ from tisoft.obstacles import Shell
 from tisoft.touch import fields as f
 from tisoft.touch import overlap
 from tisoft.touch.fields import Touch
+from tisoft.touch.patches import patches_of, ranges_of, sorted_surface
 from tisoft.touch.standing import SKIN, Standing, standings_of
 from tisoft.touch.surface import Surface, surface_of
 
@@ -49,7 +50,6 @@ FOLDED = 0.5
 """Cosine of the angle to its mean normal up to which a sheet has not begun to fold."""
 PAIRS_A_POINT = 24
 """Room for candidates; where they find none, the margin is halved."""
-BOXES_A_BODY = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,8 +130,12 @@ class Touching:
         self.system = system
         self.touchers = list(touchers)
         self.standings = list(standings)
+        self.owners = [s for s in self.standings for _ in s.patches]
+        """The obstacle of each body beyond the touchers."""
+        self._surfaces, self._patches = self._sorted()
         self.lease = self._lend()
         self._write_points()
+        self._write_patches()
         self._write_bodies(apart)
         self._write_scene()
         self.place_origins()
@@ -146,17 +150,40 @@ class Touching:
         """The scene's row."""
         return self.lease.starts["scenes"]
 
+    def _sorted(self) -> tuple[list[Surface | None], list[NDArray[np.int64]]]:
+        """Surfaces in the order in which they are written, None for a core, and the patches of
+        points, triangles and edges, all counted from 0.
+        """
+        given: list[tuple[Surface | None, Floats, list[int]]] = []
+        for toucher in self.touchers:
+            points = toucher.surface.points
+            given.append((toucher.surface, toucher.part.rest[points], [len(points)]))
+        for standing in self.standings:
+            counts = [b - a for a, b in standing.patches]
+            given.append((standing.surface, standing.rest, counts))
+        surfaces: list[Surface | None] = []
+        owners: list[list[NDArray[np.int64]]] = [[], [], []]
+        bodies = 0
+        for surface, x, counts in given:
+            owner = np.repeat(np.arange(bodies, bodies + len(counts)), counts)
+            bodies += len(counts)
+            owners[0].append(owner)
+            if surface is not None:
+                surface = sorted_surface(surface, x, owner)
+                owners[1].append(owner[surface.triangles[:, 0]])
+                owners[2].append(owner[surface.edges[:, 0]])
+            surfaces.append(surface)
+        return surfaces, [patches_of(np.concatenate(each)) for each in owners]
+
     def _lend(self) -> Lease:
-        standing = [s.surface for s in self.standings if s.surface is not None]
-        surfaces = [toucher.surface for toucher in self.touchers] + standing
+        surfaces = [surface for surface in self._surfaces if surface is not None]
         cores = sum(len(s.local) for s in self.standings if s.surface is None)
         points = sum(len(s.points) for s in surfaces) + cores
         edges = sum(len(s.edges) for s in surfaces)
-        self.owners = [s for s in self.standings for _ in s.patches]
-        """The obstacle of each body beyond the touchers."""
         bodies = len(self.touchers) + len(self.owners)
-        self.buckets = 1 << max(4, int(np.ceil(np.log2(2 * max(points, edges)))))
         self.room = (PAIRS_A_POINT * points, PAIRS_A_POINT * edges)
+        of_points, of_faces, of_edges = (len(each) for each in self._patches)
+        self.width = max(of_points, of_edges)
         needs = {
             "points": points + 1,
             "nodes": self.system.count,
@@ -164,10 +191,10 @@ class Touching:
             "fans": sum(len(s.fan) for s in surfaces),
             "edges": edges,
             "pairs": sum(self.room),
-            "buckets": self.buckets + 1,
             "bodies": bodies,
             "couples": bodies * bodies,
-            "boxes": BOXES_A_BODY * bodies,
+            "patches": of_points + of_faces + of_edges,
+            "candidates": self.width * runtime.threads(),
             "threads": runtime.threads(),
             "scenes": 1,
         }
@@ -179,17 +206,17 @@ class Touching:
         nodes = np.full(self.system.count, -1, np.int32)
         self.ranges: list[tuple[int, int]] = []
         fans = []
-        for toucher in self.touchers:
-            s = toucher.surface
+        for toucher, s in zip(self.touchers, self._surfaces, strict=False):
+            assert s is not None
             nodes[toucher.part.start + s.points] = self.rows["points"] + np.arange(len(s.points))
             first = self.rows["points"]
             fans.append(self._write_surface(s))
             self.ranges.append((first, self.rows["points"]))
         self.standing = self.rows["points"]
-        for standing in self.standings:
+        for standing, s in zip(self.standings, self._surfaces[len(self.touchers) :], strict=True):
             first = self.rows["points"]
-            if standing.surface is not None:
-                fans.append(self._write_surface(standing.surface))
+            if s is not None:
+                fans.append(self._write_surface(s))
             else:
                 self.rows["points"] += len(standing.local)
                 fans.append(np.full(len(standing.local), self.rows["fans"]))
@@ -203,6 +230,16 @@ class Touching:
         if self.standings:
             places = np.concatenate([standing.local for standing in self.standings])
             self.fields.write_locals(self.standing, self._reals(places))
+
+    def _write_patches(self) -> None:
+        starts, first = self.lease.starts, self.lease.starts["patches"]
+        self._own: list[NDArray[np.int64]] = []
+        """Where each body's patches of a kind begin and end."""
+        for kind, patches in zip(("points", "triangles", "edges"), self._patches, strict=True):
+            self._own.append(ranges_of(patches, len(self.ranges)) + first)
+            rows = patches + np.array([starts[kind], starts[kind], starts["bodies"]])
+            self.fields.write_patches(first, _ints(rows))
+            first += len(patches)
 
     def _write_surface(self, s: Surface) -> NDArray[np.integer]:
         """Write a surface into the next rows; returns where its points' fans begin."""
@@ -224,6 +261,8 @@ class Touching:
         traits = np.zeros((len(self.ranges), f.TRAITS), np.int32)
         numbers = np.zeros((len(self.ranges), f.NUMBERS))
         traits[:, f.FIRST : f.LAST + 1] = self.ranges
+        traits[:, f.OWN_POINTS : f.OWN_POINTS + 2] = self._own[0]
+        traits[:, f.OWN_EDGES : f.OWN_EDGES + 2] = self._own[2]
         for k, toucher in enumerate(self.touchers):
             traits[k, f.SOLID] = toucher.surface.is_solid
             traits[k, f.SELF] = toucher.self_contact
@@ -289,28 +328,26 @@ class Touching:
         order[f.EDGE], order[f.EDGE_END] = starts["edges"], self.rows["edges"]
         order[f.BODY], order[f.BODY_END] = starts["bodies"], starts["bodies"] + needs["bodies"]
         order[f.PAIR], order[f.FACE_ROOM], order[f.EDGE_ROOM] = starts["pairs"], *self.room
-        order[f.BUCKET], order[f.MASK] = starts["buckets"], self.buckets - 1
+        ends = starts["patches"] + np.cumsum([len(patches) for patches in self._patches])
+        order[f.POINT_PATCH : f.PATCH_END + 1] = [starts["patches"], *ends]
+        order[f.CANDIDATE], order[f.WIDTH] = starts["candidates"], self.width
         order[f.NODE], order[f.COUPLE] = starts["nodes"], starts["couples"]
-        order[f.BOX], order[f.BOX_END] = starts["boxes"], starts["boxes"] + needs["boxes"]
         order[f.THREAD] = starts["threads"]
         order[f.STANDING] = self.standing
-        cornered = [s for s in self.standings if s.surface is not None]
         cores = sum(s.surface is None for s in self.owners)
         order[f.CORES] = starts["bodies"] + needs["bodies"] - cores
         order[f.MOVING] = any(s.moves for s in self.standings)
-        self.fields.write_scene(self.scene, order, self._lengths(cornered))
+        self.fields.write_scene(self.scene, order, self._lengths())
         self.system.state.ranges[self.system.scene, TOUCH_SCENE] = self.scene
 
-    def _lengths(self, cornered: Sequence[Standing]) -> Floats:
+    def _lengths(self) -> Floats:
         """`Touch.length` [m]."""
         length = np.zeros(f.LENGTHS)
         edge = min(toucher.surface.edge for toucher in self.touchers)
         thick = [toucher.thickness for toucher in self.touchers]
-        surfaces = [toucher.surface for toucher in self.touchers]
-        surfaces += [s.surface for s in cornered if s.surface is not None]
         length[f.THICK] = max(thick)
-        length[f.LONGEST] = max(surface.longest for surface in surfaces)
-        has_cores = len(cornered) < len(self.standings)
+        length[f.LONGEST] = max(toucher.surface.longest for toucher in self.touchers)
+        has_cores = any(s.surface is None for s in self.standings)
         length[f.TOLERANCE] = TOLERANCE * (FINER if has_cores else 1.0) * min(thick)
         length[f.LEAST], length[f.MOST] = (share * edge for share in MARGIN)
         own = [t.surface.edge for t in self.touchers if t.self_contact]
