@@ -177,7 +177,11 @@ class Touch:
         self.patch_speed = field(real, "patches")
         """Of its fastest point [m/s]."""
         self.candidate = field(ti.i32, "candidates")
-        """Each thread's patches near another one."""
+        """Each thread's points, or edges, near a patch of triangles, or edges."""
+        self.group = field(ti.i32, "candidates", 2)
+        """In the first row of those of a patch: the row after the last, and the patch."""
+        self.reach = field(real, "candidates")
+        """Distance [m] up to which each makes pairs."""
         self.trait = field(ti.i32, "bodies", TRAITS)
         self.number = field(real, "bodies", NUMBERS)
         self.spin = field(vec3, "bodies")

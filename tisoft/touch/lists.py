@@ -1,8 +1,8 @@
 # mypy: ignore-errors
 """Which pairs may come to touch, looked at again when something has moved.
 
-A patch of triangles looks which patches of points are near its box, each triangle at the points of
-those; edges likewise.  Pairs come out by triangle and then by point, by edge and then by edge: with
+A patch of triangles looks which points are near its box, each of its triangles at those; edges
+likewise.  Pairs come out by triangle and then by point, by edge and then by edge: with
 them all sums have the same order.
 """
 
@@ -13,10 +13,10 @@ from tisoft.touch import fields as f
 from tisoft.touch.closest import between_edges, nearest_on_line, on_triangle
 from tisoft.touch.near import (
     couple_of,
+    find_near,
     measure_bodies,
     measure_points,
     meets,
-    near_patches,
     neighbours,
     reach_of,
 )
@@ -68,21 +68,21 @@ def is_later(touch: ti.template(), z, ends, item):
 
 @ti.func
 def pair_faces(touch: ti.template(), q, i, rows, n, stop):
-    """List triangle i's pairs with the points of near patches from row n on, before row `stop`;
-    returns the next row.
+    """List triangle i's pairs with the points listed by `find_near` from row n on, before row
+    `stop`; returns the next row.
 
     Args: rows: first and last of `candidate`.
     """
     ids = ti.Vector([touch.triangle[i, 0], touch.triangle[i, 1], touch.triangle[i, 2]])
     a, b, c = touch.seen[ids[0]], touch.seen[ids[1]], touch.seen[ids[2]]
-    lo, hi = ti.min(a, b, c), ti.max(a, b, c)
-    begun, body = n, touch.body[ids[0]]
-    for row in range(rows[0], rows[1]):
-        k = touch.candidate[row]
-        reach = reach_of(touch, q, body, touch.patch[k, f.OWNER])
+    lo, hi, begun = ti.min(a, b, c), ti.max(a, b, c), n
+    row = rows[0]
+    while row < rows[1]:  # patch by patch
+        end, k, reach = touch.group[row, 0], touch.group[row, 1], touch.reach[row]
         low, high = lo - reach, hi + reach
         if meets(low, high, touch.patch_low[k], touch.patch_high[k]):
-            for p in range(touch.patch[k, f.BEGIN], touch.patch[k, f.END]):
+            for z in range(row, end):
+                p = touch.candidate[z]
                 u = touch.seen[p]
                 if meets(low, high, u, u) and p != ids[0] and p != ids[1] and p != ids[2]:
                     w = on_triangle(u, a, b, c)
@@ -90,6 +90,7 @@ def pair_faces(touch: ti.template(), q, i, rows, n, stop):
                     if d < reach:
                         ends = ti.Vector([p, ids[0], ids[1], ids[2]])
                         n = keep(touch, q, n, begun, stop, ends, ti.Vector([i, -1]), d)
+        row = end
     return n
 
 
@@ -119,26 +120,28 @@ def pair_cores(touch: ti.template(), q, i, n, stop):
 
 @ti.func
 def pair_edges(touch: ti.template(), q, i, rows, n, stop):
-    """List the pairs of edge i with later edges of near patches from row n on, before row `stop`;
-    returns the next row.
+    """List the pairs of edge i with later ones listed by `find_near` from row n on, before row
+    `stop`; returns the next row.
     """
     a, b = touch.edge[i, 0], touch.edge[i, 1]
     u, v, begun = touch.seen[a], touch.seen[b], n
     lo, hi = ti.min(u, v), ti.max(u, v)
-    for row in range(rows[0], rows[1]):
-        k = touch.candidate[row]
-        reach = reach_of(touch, q, touch.body[a], touch.patch[k, f.OWNER])
+    row = rows[0]
+    while row < rows[1]:
+        end, k, reach = touch.group[row, 0], touch.group[row, 1], touch.reach[row]
         low, high = lo - reach, hi + reach
-        if meets(low, high, touch.patch_low[k], touch.patch_high[k]):
-            for e in range(ti.max(touch.patch[k, f.BEGIN], i + 1), touch.patch[k, f.END]):
+        if touch.patch[k, f.END] > i and meets(low, high, touch.patch_low[k], touch.patch_high[k]):
+            for z in range(row, end):
+                e = touch.candidate[z]
                 c, d = touch.edge[e, 0], touch.edge[e, 1]
                 p, r = touch.seen[c], touch.seen[d]
-                ok = meets(low, high, ti.min(p, r), ti.max(p, r))
+                ok = e > i and meets(low, high, ti.min(p, r), ti.max(p, r))
                 if ok and a != c and a != d and b != c and b != d:
                     far = between_edges(u, v, p, r)
                     if far < reach:
                         ends = ti.Vector([a, b, c, d])
                         n = keep(touch, q, n, begun, stop, ends, ti.Vector([i, e]), far)
+        row = end
     return n
 
 
@@ -177,7 +180,7 @@ def find_faces(touch: ti.template(), q, t, threads):
                     touch.most[own, f.BLOWN] = 1.0
             last = row
             if touch.most[own, f.BLOWN] == 0.0:
-                last = near_patches(touch, q, body, lo, hi, f.OWN_POINTS, row)
+                last = find_near(touch, q, body, lo, hi, f.OWN_POINTS, row)
             for i in range(begin, end):
                 if touch.trait[body, f.OBSTACLE] == 0:
                     n = pair_cores(touch, q, i, n, stop)
@@ -200,7 +203,7 @@ def find_edges(touch: ti.template(), q, t, threads):
         blown = touch.most[own, f.BLOWN] > 0.0
         if touch.trait[body, f.OBSTACLE] == 0 and touch.trait[body, f.NEAR] and not blown:
             lo, hi = touch.patch_low[k], touch.patch_high[k]
-            last = near_patches(touch, q, body, lo, hi, f.OWN_EDGES, row)
+            last = find_near(touch, q, body, lo, hi, f.OWN_EDGES, row)
             if last > row:
                 for i in range(touch.patch[k, f.BEGIN], touch.patch[k, f.END]):
                     n = pair_edges(touch, q, i, ti.Vector([row, last]), n, stop)

@@ -66,8 +66,8 @@ def measure_bodies(touch: ti.template(), q, t, threads, h):
     for k in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
         lo, hi = 0.0 * touch.place[0] + 1e30, 0.0 * touch.place[0] - 1e30
         for e in range(touch.patch[k, f.BEGIN], touch.patch[k, f.END]):
-            u, v = touch.seen[touch.edge[e, 0]], touch.seen[touch.edge[e, 1]]
-            lo, hi = ti.min(lo, u, v), ti.max(hi, u, v)
+            low_e, high_e = box_of(touch, e, f.OWN_EDGES)
+            lo, hi = ti.min(lo, low_e), ti.max(hi, high_e)
         touch.patch_low[k], touch.patch_high[k] = lo, hi
 
 
@@ -113,9 +113,9 @@ def neighbours(touch: ti.template(), q, t, threads):
 
 
 @ti.func
-def near_patches(touch: ti.template(), q, body, lo, hi, kind, row):
-    """List from `row` of `candidate` on which patches of points or edges of near bodies are within
-    their reach of a box of something of `body`; returns where the list ends.
+def find_near(touch: ti.template(), q, body, lo, hi, kind: ti.template(), row):
+    """List from `row` of `candidate` on which points or edges of near bodies are within their reach
+    of a box of something of `body`, in their order; returns where the list ends.
 
     Args: kind: OWN_POINTS or OWN_EDGES.
     """
@@ -127,9 +127,26 @@ def near_patches(touch: ti.template(), q, body, lo, hi, kind, row):
         if touch.trait[c, f.ROUND] == 0 and meets(low, high, touch.low[c], touch.high[c]):
             for k in range(touch.trait[c, kind], touch.trait[c, kind + 1]):
                 if meets(low, high, touch.patch_low[k], touch.patch_high[k]):
-                    touch.candidate[n] = k
-                    n += 1
+                    begun = n
+                    for i in range(touch.patch[k, f.BEGIN], touch.patch[k, f.END]):
+                        least, most = box_of(touch, i, kind)
+                        if meets(low, high, least, most):
+                            touch.candidate[n], touch.reach[n] = i, reach
+                            n += 1
+                    if n > begun:
+                        touch.group[begun, 0], touch.group[begun, 1] = n, k
     return n
+
+
+@ti.func
+def box_of(touch: ti.template(), i, kind: ti.template()):
+    """Of point or edge i, as last seen."""
+    lo = touch.seen[i]
+    hi = lo
+    if ti.static(kind == f.OWN_EDGES):
+        u, v = touch.seen[touch.edge[i, 0]], touch.seen[touch.edge[i, 1]]
+        lo, hi = ti.min(u, v), ti.max(u, v)
+    return lo, hi
 
 
 @ti.func

@@ -183,7 +183,7 @@ class Touching:
         bodies = len(self.touchers) + len(self.owners)
         self.room = (PAIRS_A_POINT * points, PAIRS_A_POINT * edges)
         of_points, of_faces, of_edges = (len(each) for each in self._patches)
-        self.width = max(of_points, of_edges)
+        self.width = max(points, edges)
         needs = {
             "points": points + 1,
             "nodes": self.system.count,
