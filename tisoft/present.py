@@ -120,6 +120,7 @@ class Present:
         by_means = runtime.on_cpu() and scene.integrator != "explicit-euler"
         self.holder = Holder(self.system, by_means=by_means)
         self.schedule = Schedule(self.system)
+        self.is_interactive = interactive
         if interactive:
             self.limit.sharpens = False
             if scene.obstacles or any(body.pins for body in scene.bodies):

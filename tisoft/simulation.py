@@ -28,6 +28,7 @@ from tisoft.scene import Scene
 from tisoft.step.consistent_mass import residual_share
 from tisoft.step.loading import external_forces
 from tisoft.told import Told, entries_of
+from tisoft.touch.crossing import crossed
 
 Floats = NDArray[np.float64]
 
@@ -121,7 +122,13 @@ class Simulation(Motion):
     def warnings(self) -> list[str]:
         """What the run has told so far that a user should know, a sentence each."""
         self.watch.look(self.time)
-        return self.watch.warnings() + self.coarse_times()
+        return self.watch.warnings() + self._crossed() + self.coarse_times()
+
+    def _crossed(self) -> list[str]:
+        """What is told of sheets that have crossed, in a run: a viewer asks all the time."""
+        if self.touching is None or not self.meets or self.is_interactive:
+            return []
+        return crossed(self.touching, self.system.world())
 
     # -- state ---------------------------------------------------------------------------------
 
