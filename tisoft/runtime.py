@@ -17,6 +17,7 @@ ARCHS = ("cpu", "cuda", "metal", "vulkan", "auto")
 _started: str | None = None
 _pool: Any = None
 _kernels: dict[Any, Any] = {}
+_most_threads: int | None = None
 generation = 0
 """How often Taichi was started; fields and kernels of an older start are dead."""
 
@@ -43,12 +44,13 @@ def start(arch: str = "cpu", *, threads: int | None = None) -> str:
     Args:
         arch: "cpu", "cuda", "metal", "vulkan", or "auto" (cuda or metal where there is one, else
             cpu).
-        threads: CPU threads at the most; None for all.
+        threads: CPU threads that scenes take at the most; None for all.  Taichi's own number
+            stays: it is part of what kernels in the disk cache are known by.
 
     Raises:
         SceneError: an unknown arch, or one that this machine lacks.
     """
-    global _started, generation, _pool
+    global _started, generation, _pool, _most_threads
     if arch not in ARCHS:
         raise SceneError(f"arch is {arch!r}; choose one of {', '.join(ARCHS)}")
     ti = import_taichi()
@@ -58,9 +60,7 @@ def start(arch: str = "cpu", *, threads: int | None = None) -> str:
         raise SceneError(f"arch is {arch!r}, which this machine does not offer; use --arch cpu")
     if _started == arch:
         return arch
-    options: dict[str, Any] = {}
-    if threads is not None:
-        options["cpu_max_num_threads"] = threads
+    _most_threads = threads
     with contextlib.redirect_stdout(io.StringIO()):
         ti.init(
             arch=getattr(ti, arch),
@@ -71,7 +71,6 @@ def start(arch: str = "cpu", *, threads: int | None = None) -> str:
             cfg_optimization=False,
             offline_cache=True,
             log_level=ti.ERROR,
-            **options,
         )
     _started = arch
     _pool = None
@@ -94,8 +93,9 @@ def has_f64() -> bool:
 
 
 def threads() -> int:
-    """CPU threads of Taichi's pool."""
-    return int(import_taichi().cfg.cpu_max_num_threads)
+    """CPU threads that a scene may take."""
+    pool = int(import_taichi().cfg.cpu_max_num_threads)
+    return pool if _most_threads is None else min(pool, _most_threads)
 
 
 def real_type(precision: str) -> tuple[Any, Any]:

@@ -69,7 +69,7 @@ def _summary(job: Job) -> dict[str, Any]:
     scene = scene_with(job.source, job.settings)
     if job.precision:
         scene.precision = job.precision
-    sim = Simulation(scene, arch=job.arch, threads=job.threads)
+    sim = Simulation(scene, arch=job.arch)
     limit, limiting, told = sim.limit.sharp(), limiting_element(sim), warnings_of(scene)
     sim.run()
     return summary(
