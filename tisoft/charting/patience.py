@@ -21,6 +21,8 @@ TIMING = {"tet4": 7.0, "tet10": 16.0, "hex8": 12.0, "spring": 4.0}
 """The same for a running scene."""
 TOUCHING = 16.0
 """Seconds more where surfaces touch, for each size of the fields."""
+LARGE = 0.6
+"""The least slowness that answers of a second or more are foretold with."""
 WARM = 0.2
 """What is left of them where kernels are in the disk cache."""
 NODE = {"static": 4e-4, "linear static": 1e-4, "modes": 2e-4, "exact modes": 3e-4, "step": 3e-5}
@@ -47,7 +49,9 @@ class Patience:
         slowness = self.slowness
         if what == "static" and self._statics:
             slowness = max(slowness, *self._statics)
-        return self._supposed(what, kind, size) * slowness
+        supposed = self._supposed(what, kind, size)
+        # That small answers are soon there tells little of large ones.
+        return supposed * (max(slowness, LARGE) if supposed > 1.0 else slowness)
 
     def timing(self, kind: tuple[str, ...]) -> float:
         """Seconds of a timing of an element, model, precision and integrator."""

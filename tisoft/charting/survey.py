@@ -46,6 +46,8 @@ SHARES = {"ruler": 0.5, "answers": 0.65, "timing": 0.85, "path": 0.95}
 """Of the budget, at which each stage must be over."""
 RULER_ALONE = 0.8
 """Of what is left of the budget, that the first ruler may take."""
+QUICK = 0.4
+"""The same for advice, and of its whole time, that what is quick takes before a dear ruler."""
 ENOUGH = 0.3
 """Share of the tolerance within which the ruler's bar needs nothing better."""
 MOST_OVER = 1.2
@@ -129,13 +131,15 @@ class Survey:
         self._find_rulers(tolerance)
         if self.patient and any(self._is_long(v) for v in candidates):
             self._find_linear_ruler()
-        for variant in sorted(candidates, key=self._wait):
-            if tolerance and self._is_hopeless(variant, tolerance):
-                continue
-            self._answers(variant, 0.9 if len(self.judged()) < 2 else self._share)
-        if tolerance and not any(v.worst.most <= tolerance for v in self.judged()):
-            for pair in self._pairs()[1:]:  # a sharper ruler may make one certain
-                self._take(pair, late=True)
+        for share in (QUICK, self._share) if self.patient else (self._share,):
+            for variant in sorted(candidates, key=self._wait):
+                if tolerance and self._is_hopeless(variant, tolerance):
+                    continue
+                self._answers(variant, 0.9 if len(self.judged()) < 2 else share)
+            if tolerance and not any(v.worst.most <= tolerance for v in self.judged()):
+                for pair in self._pairs()[1:]:  # a sharper ruler may make one certain
+                    if self._take(pair, late=True) and pair.better in candidates:
+                        self._answers(pair.better, self._share)
         self._widen()
         self.asking.ask("timing", now, 0.97)
         self._time()
@@ -203,7 +207,7 @@ class Survey:
         if not pairs or not self._take(pairs[0], always=True):
             for pair in pairs_of(self.catalogue, twin=True):
                 self._take(pair, always=not rulers)
-        for pair in pairs[1:] if rulers else []:
+        for pair in pairs[1 : 2 if self.patient else None] if rulers else []:
             is_new = not self.asking.has("static", pair.better)
             if not (is_new and max(r.bar for r in rulers.values()) <= ENOUGH * tolerance):
                 self._take(pair)
@@ -261,7 +265,9 @@ class Survey:
             share = self._share
         if always:  # within the whole budget all the same
             needs = sum(self.asking.needs(w, pair.better) for w in self._works())
-            if needs > RULER_ALONE * (self.budget - self.asking.spent()) and not pair.last:
+            has_twin = self.catalogue.is_curved and pair.told is None
+            alone = QUICK if self.patient and has_twin else RULER_ALONE
+            if needs > alone * (self.budget - self.asking.spent()) and not pair.last:
                 return False
             share = 100.0
         found = False
@@ -399,7 +405,8 @@ class Survey:
                     found = self._linearly(shared)
             if found is None:
                 return
-        if self.asking.ask("step", variant, share) is not None:
+        found = self.asking.ask("step", variant, share)
+        if found is not None and variant not in self.asking.variants:
             self.asking.variants.append(variant)
 
     def _time(self) -> None:

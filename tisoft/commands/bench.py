@@ -20,6 +20,7 @@ EXAMPLES = """examples:
   tisoft bench --view
   tisoft bench --accuracy
   tisoft bench --contact
+  tisoft bench --advise
   tisoft bench --sizes S XL --models viscoelastic --seconds 2 --json"""
 
 
@@ -49,6 +50,10 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--contact", action="store_true",
         help="contact instead: microseconds a contact, from 5 to 80 bodies, and a plane's share",
     )  # fmt: skip
+    parser.add_argument(
+        "--advise", action="store_true",
+        help="charts and advice instead: predicted against true errors and costs of seven scenes",
+    )  # fmt: skip
     parser.add_argument("--no-compile", action="store_true", help="do not time compiling")
     common.add_machine(parser)
     common.add_output(parser)
@@ -62,6 +67,8 @@ def execute(options: argparse.Namespace) -> int:
         return _render(options)
     if options.accuracy:
         return _accuracy(options)
+    if options.advise:
+        return _advise(options)
     if options.view:
         return _view(options)
     if options.contact:
@@ -101,6 +108,18 @@ def _contact(options: argparse.Namespace) -> int:
         rows.append(bench_contact.measure(count, seconds=options.seconds))
     rows.append(bench_contact.measure_plane(seconds=options.seconds))
     return _tell(options, rows, bench_contact.as_text)
+
+
+def _advise(options: argparse.Namespace) -> int:
+    """Hold charts and advice against what is true, and report."""
+    from tisoft import bench_advise
+
+    rows = []
+    for name in bench_advise.CASES:
+        if not options.quiet and sys.stderr.isatty():
+            print(f"{name} …", file=sys.stderr)
+        rows.append(bench_advise.measure(name))
+    return _tell(options, rows, bench_advise.as_text, summary=bench_advise.summary(rows))
 
 
 def _accuracy(options: argparse.Namespace) -> int:
