@@ -207,7 +207,7 @@ class Survey:
         if not pairs or not self._take(pairs[0], always=True):
             for pair in pairs_of(self.catalogue, twin=True):
                 self._take(pair, always=not rulers)
-        for pair in pairs[1 : 2 if self.patient else None] if rulers else []:
+        for pair in pairs[1 : 2 if self.patient and tolerance else None] if rulers else []:
             is_new = not self.asking.has("static", pair.better)
             if not (is_new and max(r.bar for r in rulers.values()) <= ENOUGH * tolerance):
                 self._take(pair)
