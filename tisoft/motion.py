@@ -32,7 +32,7 @@ from tisoft.touch.easing import set_left
 
 Floats = NDArray[np.float64]
 
-CALM, SPENT, CALMEST = 0.01, 0.125, 16
+CALM, SPENT, CALMEST = 0.01, 0.25, 16
 """Relative change of the bound that is expected until the next look, or the share of what the step
 leaves free if that is more; and how many times AGAIN substeps may go by until then.  Bodies that
 may hit something are looked at as often as ever: they are calm until they do.

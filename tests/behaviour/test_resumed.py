@@ -17,7 +17,7 @@ def swinging_bar():
     body.pin(ts.where.everything(), axes="yz")
     body.pin(ts.where.box((-1e-6, -9, -9), (1e-6, 9, 9)), axes="x")
     end = ts.where.box((1 - 1e-6, -9, -9), (9, 9, 9))
-    body.pin(end, axes="x", path=[(0, 0, 0, 0), (2, 0.2, 0, 0)], release=2.0)
+    body.pin(end, axes="x", path=[(0, 0, 0, 0), (2, 0.4, 0, 0)], release=2.0)
     return scene
 
 

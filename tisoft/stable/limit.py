@@ -67,6 +67,8 @@ class StepLimit:
         self._moves = any(share.block.law.is_finite for _, share in self._shares)
         self._launch = self._kernel() if self._shares else None
         self._bound: float | None = None
+        self._bounds: Floats | None = None
+        """Of each solid, in the state in which `_bound` holds [s]."""
         self._before: float | None = None
         """The bound that was known before the state became another one."""
         self._at_rest: Floats | None = None
@@ -107,7 +109,7 @@ class StepLimit:
         """Sharp limit and bound [s] of each solid when it was sharpened last, shape (solids, 2)."""
         self._held = np.inf
         self._window_start, self._window_least = 0, np.inf
-        self._bound, self._is_new = None, True
+        self._bound, self._bounds, self._is_new = None, None, True
 
     @property
     def spring_step(self) -> float:
@@ -154,7 +156,7 @@ class StepLimit:
 
     def moved(self) -> None:
         """Say that the state is another one now."""
-        self._before, self._bound, self._is_new = self._bound, None, True
+        self._before, self._bound, self._bounds, self._is_new = self._bound, None, None, True
 
     def change(self) -> float:
         """Relative change of the bound since the last look; inf where that one is not known."""
@@ -283,8 +285,14 @@ class StepLimit:
         self._next_look, self._next_soon = substeps + SPARE * spent, substeps + SOON * spent
 
     def _solid_bounds(self) -> Floats:
-        """The bound of each solid in the present state [s]."""
+        """The bound of each solid in the state looked at last [s]."""
         bound = min(self._tets_bound(), self._still_step)
+        if self._bounds is None:
+            self._bounds = self._each_bound(bound)
+        return self._bounds
+
+    def _each_bound(self, bound: float) -> Floats:
+        """The same, of the least of them."""
         if len(self._numbers) < 2 or not np.isfinite(bound):
             return np.full(len(self._numbers), bound)
         now = np.empty(self.system.count, self.system.real)
@@ -336,6 +344,7 @@ class StepLimit:
             "window_start": self._window_start,
             "window_least": self._window_least,
             "last": self._bound,
+            "each": None if self._bounds is None else self._bounds.tolist(),
             "new": self._is_new,
         }
 
@@ -348,6 +357,8 @@ class StepLimit:
         self._held = state["held"]
         self._window_start, self._window_least = state["window_start"], state["window_least"]
         self._bound, self._is_new = state["last"], state["new"]
+        each = state.get("each")
+        self._bounds = None if each is None else np.array(each)
 
     def limit(self) -> Limit:
         """The bound and the element that sets it."""
