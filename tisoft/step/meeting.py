@@ -17,7 +17,7 @@ from tisoft.obstacles.base import VELOCITY
 from tisoft.step import external, forces, ledger
 from tisoft.step.contact import corner_place, surface_velocity
 from tisoft.step.fixed import held
-from tisoft.step.substep import move, move_solved, node, now_of
+from tisoft.step.substep import move, now_of
 from tisoft.touch import fields as f
 from tisoft.touch.lists import search
 from tisoft.touch.rows import find_depths, find_rows
@@ -82,8 +82,8 @@ def carried_by(s: ti.template(), p):
 
 
 @ti.func
-def kick(s: ti.template(), i, row, n, now):
-    """Acceleration of node i without contact, into row n of touch; its point's place and v*."""
+def without_contact(s: ti.template(), i, row, now):
+    """Node i's acceleration and the elements' force on it; `row` is its row of the mass matrix."""
     a, elements = 0.0 * s.state.velocity[i], 0.0 * s.state.velocity[i]
     if ti.static(s.consistent):
         a = s.mass.solution[row]
@@ -91,6 +91,13 @@ def kick(s: ti.template(), i, row, n, now):
     else:
         elements = forces.total(s.state, i)
         a = external.acceleration(s.state, i, elements + external.force(s.state, i, now), now)
+    return a, elements
+
+
+@ti.func
+def kick(s: ti.template(), i, row, n, now):
+    """Acceleration of node i without contact, into row n of touch; its point's place and v*."""
+    a, elements = without_contact(s, i, row, now)
     s.surfaces.acceleration[n], s.surfaces.force[n] = a, elements
     p = s.surfaces.point[n]
     if p >= 0:
@@ -98,21 +105,27 @@ def kick(s: ti.template(), i, row, n, now):
 
 
 @ti.func
-def finish(s: ti.template(), i, n, is_easing, now):
-    """Move node i with what contact has added to its velocity.
+def finish(s: ti.template(), i, row, n, is_met, is_easing, now):
+    """Move node i, with what contact has added to its velocity where `is_met`: `kick` then has its
+    acceleration.  (One call of `move` for both: each is compiled anew.)
 
     Args: is_easing: whether bodies are pushed out of each other.
     """
-    p = s.surfaces.point[n]
-    pushed, rubbed = 0.0 * s.state.velocity[i], 0.0 * s.state.velocity[i]
-    if p >= 0:
-        if s.surfaces.met[p]:
-            pushed = s.surfaces.pushed[p] * s.state.inverse_mass[i]
-            rubbed = s.surfaces.rubbed[p] * s.state.inverse_mass[i]
-            if ti.static(s.ledger):
-                if ti.static(s.contact) or is_easing:
-                    ledger.note_carried(s.state, i, carried_by(s, p))
-    move(s, i, s.surfaces.acceleration[n], s.surfaces.force[n], now, pushed, rubbed)
+    a, elements = 0.0 * s.state.velocity[i], 0.0 * s.state.velocity[i]
+    pushed, rubbed = 0.0 * a, 0.0 * a
+    if is_met:
+        a, elements = s.surfaces.acceleration[n], s.surfaces.force[n]
+        p = s.surfaces.point[n]
+        if p >= 0:
+            if s.surfaces.met[p]:
+                pushed = s.surfaces.pushed[p] * s.state.inverse_mass[i]
+                rubbed = s.surfaces.rubbed[p] * s.state.inverse_mass[i]
+                if ti.static(s.ledger):
+                    if ti.static(s.contact) or is_easing:
+                        ledger.note_carried(s.state, i, carried_by(s, p))
+    else:
+        a, elements = without_contact(s, i, row, now)
+    move(s, i, a, elements, now, pushed, rubbed)
 
 
 @ti.func
@@ -224,12 +237,7 @@ def touch_nodes(s: ti.template(), scene, t, threads, phase, now):
             phase = sweep(s, s.surfaces, scene, q, t, threads, phase, now)
     share_gone = 0.0 * now.h
     for i in range(first, last):
-        if is_met:
-            finish(s, i, i + base, eases, now)
-        elif ti.static(s.consistent):
-            move_solved(s, i, i + back, now)
-        else:
-            node(s, i, now)
+        finish(s, i, i + back, i + base, is_met, eases, now)
         p = s.surfaces.point[i + base]
         if p >= 0:
             share_gone = ti.max(share_gone, left(s, i, p, now.h))
