@@ -19,13 +19,13 @@ EXAMPLES = """examples:
 
 FIRST = "creature"
 GALLERY = {
-    "creature": (0.162, 11),
+    "creature": (0.162, 12),
     "softness": (0.12, 15),
     "four-ways": (0.2, 12),
     "twist": (0.45, 15),
     "nets": (0.25, 14),
-    "bowl": (0.9, 40),
-    "cloth": (0.75, 15),
+    "bowl": (0.9, 30),
+    "cloth": (0.75, 18),
 }
 """Of each demo: the share of the film at which its picture is taken, and about how many seconds it
 takes on two cores, with kernels from the cache."""
