@@ -92,6 +92,21 @@ def test_blocks_that_meet_at_twenty_metres_a_second_part_again():
     assert sim.recoveries == [] and sim.watch.inverted == 0
 
 
+def test_what_two_bodies_hold_together_throws_nothing():
+    """Clamped side by side where they touch: next to the clamp a free node has hardly a share of
+    what meets, and moved it by 1e14 m/s.
+    """
+    scene = ts.Scene(frame_rate=30.0)
+    for k in range(2):
+        mesh = ts.box(size=(0.2, 0.05, 0.05), cells=(4, 1, 1))
+        body = scene.add_body(mesh, ts.ViscoElastic(**SOFT), f"b{k}", velocity=(0, 0, 0.5 * k))
+        body.pin(ts.where.box((-1e-6, -9, -9), (1e-6, 9, 9)))
+    sim = simulation(scene, threads=1)
+    fastest = [np.abs(frame.velocities()).max() for frame in sim.frames(seconds=0.5)]
+    assert max(fastest) < 3.0
+    assert sim.recoveries == []
+
+
 def test_contact_is_compiled_when_bodies_come_near():
     """Far apart they step without it; they meet as they would have, had it been there."""
     sim = simulation(blocks(speed=1.0, apart=0.6), threads=1)

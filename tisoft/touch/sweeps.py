@@ -17,6 +17,10 @@ from tisoft.model.threads import meet, share
 from tisoft.touch import fields as f
 
 LEAST_SWEEPS, MOST_SWEEPS = 4, 16
+LEVER = 0.1
+"""Share of a row that its free points must have: with less, where the others are held, they would
+be thrown to move it at all.
+"""
 
 
 @ti.func
@@ -43,14 +47,16 @@ def weigh(touch: ti.template(), q, t, threads):
 def push(touch: ti.template(), z):
     """One sweep of row z; returns how far it was from its target [m/s]."""
     n = touch.normal[z]
-    rate, inverse = touch.drift[z], 0.0 * n[0]
+    rate, inverse, free = touch.drift[z], 0.0 * n[0], 0.0 * n[0]
     for k in range(4):
         p, w = touch.ends[z, k], touch.share[z, k]
         rate += w * touch.velocity[p]
         inverse += ti.abs(w) * touch.weight[p] * touch.inverse_mass[p]
+        if touch.inverse_mass[p] > 0.0:
+            free += ti.abs(w)
     along = rate.dot(n)
     short = 0.0 * along
-    if inverse > 0.0:
+    if inverse > 0.0 and free > LEVER:
         short = touch.target[z] - along
         impulse = ti.max(touch.impulse[z] + short / inverse, 0.0 * short)
         touch.impulse[z] = impulse
