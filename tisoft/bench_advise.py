@@ -63,11 +63,12 @@ density = 1200
 box = { size = [1, 0.05, 1], cells = [12, 1, 12] }
 [[body.pin]]
 where = { box = [[0.999, -1, -1], [1.001, 1, 2]] }
+""" + CLAMPED + """
 [[probe]]
 name = "middle"
 body = "plate"
 point = [0.5, 0, 0.5]
-""".replace("[[probe]]", CLAMPED + "[[probe]]")
+"""  # fmt: skip
 BLOCK = """
 [[body]]
 name = "block"

@@ -177,11 +177,10 @@ def _advice(survey: Survey, chart: Chart, tolerance: float, whole: bool) -> Advi
     reserves += doubts(survey)
     own = survey.source if isinstance(survey.source, Scene) else str(survey.source)
     changed = scene_with(own, (*survey.settings, *choice.settings))
-    told_before = [w for w in chart.warnings if w not in reserves]
+    reasons, warnings = _reasons(survey, chart, choice, tolerance), [*reserves, *chart.warnings]
     return Advice(
-        changed, choice, now, tolerance, _reasons(survey, chart, choice, tolerance), not reserves,
-        [*reserves, *told_before],
-    )  # fmt: skip
+        changed, choice, now, tolerance, reasons, not reserves, list(dict.fromkeys(warnings))
+    )
 
 
 def _nothing(survey: Survey, tolerance: float) -> Advice:
@@ -189,9 +188,7 @@ def _nothing(survey: Survey, tolerance: float) -> Advice:
     now = survey.judging.judge(survey.catalogue.current, always=True)
     if now is None:
         raise SceneError(NO_RUNS)
-    reserves = [NO_RUNS, *doubts(survey)]
-    told_before = [w for w in survey.warnings if w not in reserves]
-    warnings = [*reserves, *told_before]
+    warnings = list(dict.fromkeys([NO_RUNS, *doubts(survey), *survey.warnings]))
     return Advice(survey.scene, now, now, tolerance, [UNKNOWN], False, warnings)
 
 

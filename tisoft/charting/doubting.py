@@ -8,7 +8,6 @@ import numpy as np
 
 from tisoft.charting.rulers import OWN_SPRINGS
 from tisoft.gravity import strongest
-from tisoft.obstacles.plane import Plane
 from tisoft.where import Nodes
 
 if TYPE_CHECKING:
@@ -90,10 +89,10 @@ def may_meet(scene: Scene, most: float | None) -> bool:
 def surfaces_touch(scene: Scene, most: float | None) -> bool:
     """Whether contact of surfaces is compiled: of sheets with themselves, of faces with what is
     small, of bodies."""
-    from tisoft.touch.touching import touches_itself  # needs Taichi
+    from tisoft.touch.touching import stands, touches_itself  # needs Taichi
 
     folded = any(touches_itself(body) for body in scene.bodies)
-    small = any(not isinstance(obstacle, Plane) for obstacle in scene.obstacles)
+    small = any(stands(obstacle) for obstacle in scene.obstacles)
     return folded or small or _bodies_meet(scene, most)
 
 

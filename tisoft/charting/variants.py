@@ -100,7 +100,7 @@ class Catalogue:
         if len(body.mesh.cells) > 1:
             return None
         key, made = f"body.{i}.mesh", []
-        shape = next((s for s in COUNTS if s in table), None)
+        shape = _shape_of(table)
         springs = isinstance(body.model, MassSpring)
         if element == "spring" and not springs:
             return None
@@ -158,7 +158,7 @@ class Catalogue:
         found = [fine / coarse]
         for i in self.varied:
             table = self._meshes[i]
-            shape = next((s for s in COUNTS if s in table), None)
+            shape = _shape_of(table)
             if shape is not None and "cage" not in table:
                 now = table[shape][COUNTS[shape]]
                 pairs = zip(_cells(now, coarse), _cells(now, fine), strict=True)
@@ -276,6 +276,11 @@ class Catalogue:
                     changes.append(f'integrator="{word}"')
                     name = f"{word}, {name}"
                 yield Variant(name, (*self.given, *changes), "step")
+
+
+def _shape_of(mesh: dict[str, Any]) -> str | None:
+    """The shape of a mesh's table whose cells are counted, or None."""
+    return next((shape for shape in COUNTS if shape in mesh), None)
 
 
 def _cells(now: int | Sequence[int], factor: float) -> list[int]:

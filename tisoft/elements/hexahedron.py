@@ -49,7 +49,7 @@ from tisoft.geometry.cells import SIGNS
 from tisoft.laws.base import (
     cofactor,
     green_strain,
-    largest_eigenvalue,
+    least_square,
     stretch_square,
     volume_change,
 )
@@ -208,12 +208,13 @@ def hex_stiffened(
     omega2 = grown[0] * known[0] + grown[1] * known[2]
     rate = grown[2] * known[1]
     if ti.static(law.is_finite):
-        square = stretch_square(green_strain(H))
+        E = green_strain(H)
+        square = stretch_square(E)
         size2 = contracted4(q)
         first = ti.sqrt(square * size2)
         if ti.static(turns(law)):
             # The rotation turns by |dF| over the sum of two stretches, and bends by its square.
-            thin = ti.max(1.0 - 2.0 * largest_eigenvalue(-green_strain(H)), 0.01 + 0.0 * square)
+            thin = least_square(E)
             first = ti.sqrt(size2 / thin)
             size2 = 4.0 * size2 / thin
         omega2 = ti.max(grown[0], square) * known[0] + grown[1] * known[2]

@@ -37,7 +37,7 @@ from tisoft.laws.base import (
     cofactor,
     contracted,
     green_strain,
-    largest_eigenvalue,
+    least_square,
     volume_change,
 )
 
@@ -171,12 +171,6 @@ def tet10_product(
 
 
 @ti.func
-def least_square(H):
-    """Of the stretches, the least's square, from below; not 0."""
-    return ti.max(1.0 - 2.0 * largest_eigenvalue(-green_strain(H)), 0.0 * H[0, 0] + 0.01)
-
-
-@ti.func
 def tet10_stiffened(
     kind: ti.template(), law: ti.template(), rest: ti.template(), u: ti.template(), m, known, lane
 ):
@@ -193,7 +187,7 @@ def tet10_stiffened(
     away = 0.0 * least
     thin = 0.0 * least + 1.0
     if ti.static(turns(law)):
-        thin = least_square(H)
+        thin = least_square(green_strain(H))
     for q in range(1, 4):
         other = gradient_at(kind, rest, u, q, lane)
         more = law.stiffening(other, m)
@@ -202,7 +196,7 @@ def tet10_stiffened(
         least = ti.min(least, 1.0 + volume_change(other, cofactor(other)))
         away = ti.max(away, contracted(other - H, other - H))
         if ti.static(turns(law)):
-            thin = ti.min(thin, least_square(other))
+            thin = ti.min(thin, least_square(green_strain(other)))
     omega2, rate = grown[0] * known[0], grown[2] * known[1]
     if ti.static(law.is_finite):
         away = ti.sqrt(away)

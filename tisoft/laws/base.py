@@ -172,3 +172,9 @@ def eigenvalues(A):
 def stretch_square(E):
     """An upper bound of λ_max(FᵀF), from Green's strain."""
     return ti.max(1.0 + 2.0 * largest_eigenvalue(E), 0.0 * E[0, 0])
+
+
+@ti.func
+def least_square(E):
+    """A lower bound of λ_min(FᵀF), from Green's strain; .01 at the least, to divide by."""
+    return ti.max(1.0 - 2.0 * largest_eigenvalue(-E), 0.01 + 0.0 * E[0, 0])
