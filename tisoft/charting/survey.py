@@ -34,7 +34,8 @@ from tisoft.charting.doubting import (
 from tisoft.charting.judged import Judged
 from tisoft.charting.judging import Judging
 from tisoft.charting.linearly import linear_ruler
-from tisoft.charting.records import Bench, places_of
+from tisoft.charting.places import places_of
+from tisoft.charting.records import Bench
 from tisoft.charting.rulers import OWN_HEXES, OWN_SPRINGS, Pair, agreed, pairs_of, ruler_of
 from tisoft.charting.variants import CURRENT, Catalogue, Variant
 from tisoft.errors import SceneError
