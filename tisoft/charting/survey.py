@@ -421,7 +421,7 @@ class Survey:
         for what in self.judging.rulers:
             found = self.asking.quantity(shared, what, share)
             if found is None and what == "sag" and self.judging.linear is not None:
-                if not self.asking.has("static", shared):  # else it has none
+                if self._is_long(variant):
                     found = self._linearly(shared)
             if found is None:
                 return
