@@ -14,6 +14,7 @@ from tisoft.charting.advice import advise
 from tisoft.charting.carried import carried
 from tisoft.charting.carriers import carrier
 from tisoft.charting.chart import Chart
+from tisoft.charting.curves import FREE, HELD, range_of
 from tisoft.charting.estimate import Error, Ruler
 from tisoft.charting.judged import Judged, with_pareto
 from tisoft.charting.linearly import linear_ruler
@@ -138,6 +139,20 @@ def test_displacements_are_carried_from_node_to_node(flat):
     assert carried(points, field(points), to) == pytest.approx(field(to), abs=1e-6)
     jumps = rng.normal(size=(300, 3))
     assert carried(points, jumps, points[:9]) == pytest.approx(jumps[:9], abs=0.02)
+
+
+def test_meshes_of_a_ball_are_compared_as_curved_where_pins_hold_the_same():
+    def ball(resolution, poisson, low=None):
+        scene = ts.Scene()
+        body = scene.add_body(ts.ball(0.1, resolution), ts.ViscoElastic(1e5, poisson, 1e3))
+        if low is not None:
+            body.pin(ts.where.box((-1, -1, -1), (1, low, 1)))
+        return scene
+
+    assert range_of(ball(2, 0.3), ball(4, 0.3), [0]) == FREE
+    assert range_of(ball(2, 0.3, 1e-6), ball(4, 0.3, 1e-6), [0]) == HELD
+    assert range_of(ball(2, 0.3, -0.03), ball(4, 0.3, 0.03), [0]) is None  # other places
+    assert range_of(ball(2, 0.48), ball(4, 0.48), [0]) is None  # nearly incompressible
 
 
 def test_a_third_mesh_tells_how_far_two_can_be_trusted():
