@@ -72,6 +72,8 @@ class System:
         self.precision = precision
         self.real = runtime.real_type(precision)[0]
         self.count = sum(len(p.order) for p in self.parts)
+        self.written = 0
+        """How often the motion was written, not made by substeps."""
         self.springs = sum(len(p.springs) for p in self.parts)
         self.elements = sum(p.elements for p in self.parts)
         self.rest_host = np.concatenate([p.rest for p in self.parts])
@@ -449,6 +451,7 @@ class System:
     def set_motion(self, u: Any, v: Any) -> None:
         """Write u [m] and v [m/s]."""
         self.check_alive()
+        self.written += 1
         self.state.write_motion(self.first, self._reals(u), self._reals(v))
 
     @property

@@ -66,18 +66,17 @@ def carried_by(s: ti.template(), p):
     with which what is inside another one is pushed out.
     """
     work = ti.Vector([0.0 * s.surfaces.weight[p], 0.0 * s.surfaces.weight[p]])
-    for k in range(s.surfaces.slot_start[p], s.surfaces.slot_start[p + 1]):
-        c = s.surfaces.slot[k >> 2, k & 3]
-        z = c >> 2
-        if s.surfaces.near[z]:
-            v, out = s.surfaces.drift[z], s.surfaces.outside[z]
-            for e in range(4):
-                other = s.surfaces.ends[z, e]
-                if s.surfaces.trait[s.surfaces.body[other], f.OBSTACLE]:
-                    v += s.surfaces.share[z, e] * s.surfaces.velocity[other]
-            part = ti.abs(s.surfaces.share[z, c & 3])
-            work[0] += part * s.surfaces.impulse[z] * (out - v.dot(s.surfaces.normal[z]))
-            work[1] -= part * v.dot(s.surfaces.grip[z])
+    for k in range(s.surfaces.slot_start[p], s.surfaces.live_end[p]):
+        c = s.surfaces.live[k >> 2, k & 3]
+        row = c >> 2
+        v, out = s.surfaces.drift[row], s.surfaces.outside[row]
+        for e in range(4):
+            other = s.surfaces.corner[row, e]
+            if s.surfaces.trait[s.surfaces.body[other], f.OBSTACLE]:
+                v += s.surfaces.share[row, e] * s.surfaces.velocity[other]
+        part = ti.abs(s.surfaces.share[row, c & 3])
+        work[0] += part * s.surfaces.impulse[row] * (out - v.dot(s.surfaces.normal[row]))
+        work[1] -= part * v.dot(s.surfaces.grip[row])
     return work
 
 

@@ -109,6 +109,8 @@ class Stepper:
             rules.surfaces,
             rules.means,
         )
+        self._came = (-1, 0.0)
+        """`System.written` and the step [s] of the last stretches."""
         self._call = 0.0
         """Seconds that calling several threads takes, which a short trial must not count."""
         self._advance = self._kernel()
@@ -150,7 +152,10 @@ class Stepper:
         """
         self.system.check_alive()
         if self.rules.touching is not None:
-            self.rules.touching.forget()  # whoever calls may have changed the state
+            written, known = self._came
+            if self.system.written != written or step > known:
+                self.rules.touching.forget()  # points may go farther than was looked ahead
+            self._came = (self.system.written, step)
         for name, value in zip(
             (columns.STEP, 1, 2, 3, columns.MOST_KINETIC, columns.KICK),
             (step, *gravity, min(most_kinetic, 1e300), 0.5 * ((before or step) + step)),
@@ -289,4 +294,5 @@ class Stepper:
 
     def restore(self) -> None:
         """Go back to the saved state."""
+        self.system.written += 1
         self.system.state.restore(self.system.first, self.system.last)

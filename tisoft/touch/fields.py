@@ -118,7 +118,9 @@ class Touch:
         self.rubbed = field(vec3, "points")
         """Impulse of friction on it [N s]."""
         self.slot_start = field(ti.i32, "points")
-        """Where its rows of `slot` begin."""
+        """Where its rows of `slot`, and of `live`, begin."""
+        self.live_end = field(ti.i32, "points")
+        """Where its rows of `live` end."""
         self.fan_start = field(ti.i32, "points")
         """Where its rows of `fan` begin."""
         self.touched = field(ti.i32, "points")
@@ -146,17 +148,25 @@ class Touch:
         self.side = field(ti.i32, "pairs")
         """Of a sheet: where the point was last seen, 1 or −1; 0 where not yet."""
         self.near = field(ti.i32, "pairs")
-        """Whether it has a row."""
-        self.active = field(ti.i32, "pairs")
-        """Each thread's pairs that have rows."""
+        """1 + its row in the present substep, 0 for none."""
+        self.behind = field(real, "pairs")
+        """How deep it is [m], −1e30 where it does not count; known while bodies are pushed out."""
+        self.slot = field(ti.i32, "pairs", 4)
+        """4 pair + corner, by point; four to a row."""
+        self.live = field(ti.i32, "pairs", 4)
+        """4 row + corner: those of `slot` that have rows."""
+
+        # Rows of the present substep, each thread's one after the other.
+        self.corner = field(ti.i32, "pairs", 4)
+        """Its points."""
         self.share = field(real, "pairs", 4)
         """w."""
         self.normal = field(vec3, "pairs")
         """n."""
         self.target = field(real, "pairs")
         """[m/s]."""
-        self.behind = field(real, "pairs")
-        """How deep it is [m], −1e30 where it does not count; known while bodies are pushed out."""
+        self.mass = field(real, "pairs")
+        """1/P [kg], 0 where its points are held."""
         self.outside = field(real, "pairs")
         """The share of it whose work is from outside [m/s]."""
         self.impulse = field(real, "pairs")
@@ -167,8 +177,6 @@ class Touch:
         """Velocity [m/s] of an obstacle's surface beyond that of its points, turned round."""
         self.rough = field(real, "pairs")
         """μ."""
-        self.slot = field(ti.i32, "pairs", 4)
-        """4 pair + corner, by point; four to a row."""
 
         self.patch = field(ti.i32, "patches", 3)
         self.patch_low = field(vec3, "patches")
@@ -207,9 +215,9 @@ class Touch:
     def bytes_of(structure: str, rows: dict[str, int]) -> int:
         """Memory that the fields take [bytes]."""
         real = 8 if structure == "f64" else 4
-        points = rows["points"] * (26 * real + 24) + rows["nodes"] * (6 * real + 4)
+        points = rows["points"] * (26 * real + 28) + rows["nodes"] * (6 * real + 4)
         return points + rows["triangles"] * 28 + rows["fans"] * 8 + rows["edges"] * 16 + (
-            rows["pairs"] * (19 * real + 52) + rows["patches"] * (7 * real + 12)
+            rows["pairs"] * (20 * real + 80) + rows["patches"] * (7 * real + 12)
         )  # fmt: skip
 
     def destroy(self) -> None:

@@ -2,7 +2,7 @@
 """Which bodies are near each other, and the boxes of their patches.
 
     reach = thickness + (margin_a + margin_b)/2,
-    margin of a body = 16 h v within .25 … 1 edge, of an obstacle that stands still 0
+    margin of a body = 16 h v within .25 … 1.5 edges, of an obstacle that stands still 0
 
 A patch is a run of points, triangles or edges of one body that lie beside each other.  Candidates
 hold until a point has gone half of its body's margin.  The reach of bodies that are pushed out of

@@ -146,15 +146,17 @@ def ease(touch: ti.template(), q, b, c, h):
 
 
 @ti.func
-def write_row(touch: ti.template(), z, w, n, distance, drift, eased, h):
-    """Make a row of pair z where its gap would close within the substep; returns whether."""
+def write_row(touch: ti.template(), row, w, n, distance, drift, eased, h):
+    """Make a row, whose `corner` stand there, where its gap would close within the substep; returns
+    whether.
+    """
     rate = drift
     for k in ti.static(range(4)):
-        rate += w[k] * touch.kicked[touch.ends[z, k]]
-    thick = thickness(touch, touch.ends[z, 0], touch.ends[z, 3])
+        rate += w[k] * touch.kicked[touch.corner[row, k]]
+    thick = thickness(touch, touch.corner[row, 0], touch.corner[row, 3])
     gap = distance - thick + eased[0]
     target = -gap / h
-    b, c = touch.body[touch.ends[z, 0]], touch.body[touch.ends[z, 3]]
+    b, c = touch.body[touch.corner[row, 0]], touch.body[touch.corner[row, 3]]
     if gap < 0.0:
         most = ti.min(touch.number[b, f.EASE], touch.number[c, f.EASE])
         target = PUSH * ti.min(-gap, most) / h
@@ -168,13 +170,13 @@ def write_row(touch: ti.template(), z, w, n, distance, drift, eased, h):
     if rate.dot(n) < target:
         near = 1
         for k in ti.static(range(4)):
-            touch.share[z, k] = w[k]
-        touch.normal[z], touch.target[z], touch.outside[z] = n, target, outside
-        touch.impulse[z] = 0.0
-        touch.grip[z] = 0.0 * n
-        touch.drift[z], touch.rough[z] = drift, roughness(touch, b, c)
+            touch.share[row, k] = w[k]
+        touch.normal[row], touch.target[row], touch.outside[row] = n, target, outside
+        touch.impulse[row] = 0.0
+        touch.grip[row] = 0.0 * n
+        touch.drift[row], touch.rough[row] = drift, roughness(touch, b, c)
         for k in range(4):
-            p = touch.ends[z, k]
+            p = touch.corner[row, k]
             touch.met[p] = 1 - touch.trait[touch.body[p], f.OBSTACLE]
     return near
 
@@ -314,6 +316,16 @@ def is_nearest(touch: ti.template(), z):
 
 
 @ti.func
+def asleep_beyond(touch: ti.template(), q, h):
+    """Distance [m] at the search from which on all pairs sleep, whoever their bodies are."""
+    most = 0.0 * h
+    for b in range(touch.order[q, f.BODY], touch.order[q, f.BODY_END]):
+        most = ti.max(most, touch.number[b, f.WAY] + h * touch.number[b, f.SPEED])
+    near = SEEN * touch.length[q, f.THICK] + touch.length[q, f.SUNK]
+    return ti.cast(near, touch.real) + 2.0 * most
+
+
+@ti.func
 def is_awake(touch: ti.template(), q, z, h):
     """Whether the bodies of pair z may have come together since the search."""
     b, c = touch.body[touch.ends[z, 0]], touch.body[touch.ends[z, 3]]
@@ -333,13 +345,16 @@ def find_rows(touch: ti.template(), q, t, measures, eases, h):
         eases: whether bodies are pushed out of each other: points then by their nearest faces.
     """
     own = touch.order[q, f.THREAD] + t
-    count = 0
+    far, count = asleep_beyond(touch, q, h), 0
     for kind in range(2):
         begin, n = touch.segment[own, 2 * kind], 0
         for z in range(begin, touch.segment[own, 2 * kind + 1]):
             near = 0
             behind = -1e30 + 0.0 * h
-            if is_awake(touch, q, z, h):
+            awake = 0
+            if touch.distance[z] < far:
+                awake = is_awake(touch, q, z, h)
+            if awake:
                 drift, w, normal, distance, ok = row_of(touch, z, kind)
                 if ok:
                     behind = thickness(touch, touch.ends[z, 0], touch.ends[z, 3]) - distance
@@ -348,10 +363,12 @@ def find_rows(touch: ti.template(), q, t, measures, eases, h):
                 if ok and measures == 0:
                     b, c = touch.body[touch.ends[z, 0]], touch.body[touch.ends[z, 3]]
                     eased = ease(touch, q, b, c, h)
-                    near = write_row(touch, z, w, normal, distance, drift, eased, h)
-                if near:
-                    touch.active[begin + n] = z
-                    n += 1
+                    row = begin + n
+                    for k in range(4):
+                        touch.corner[row, k] = touch.ends[z, k]
+                    if write_row(touch, row, w, normal, distance, drift, eased, h):
+                        near = row + 1
+                        n += 1
             if measures:
                 touch.behind[z] = behind
             else:

@@ -25,47 +25,60 @@ be thrown to move it at all.
 
 @ti.func
 def weigh(touch: ti.template(), q, t, threads):
-    """S of thread t's points, which it lists; returns how many."""
+    """S and rows of thread t's points, which it lists; returns how many."""
     low, high = touch.order[q, f.POINT], touch.order[q, f.POINT_END]
     begin = share(low, high, t, threads)
     n = 0
     for p in range(begin, share(low, high, t + 1, threads)):
         touch.weight[p] = 0.0
         if touch.met[p]:
-            total = 0.0 * touch.weight[p]
+            total, end = 0.0 * touch.weight[p], touch.slot_start[p]
             for k in range(touch.slot_start[p], touch.slot_start[p + 1]):
-                z = touch.slot[k >> 2, k & 3]
-                if touch.near[z >> 2]:
-                    total += ti.abs(touch.share[z >> 2, z & 3])
-            touch.weight[p] = total
+                c = touch.slot[k >> 2, k & 3]
+                row = touch.near[c >> 2] - 1
+                if row >= 0:
+                    total += ti.abs(touch.share[row, c & 3])
+                    touch.live[end >> 2, end & 3] = 4 * row + (c & 3)
+                    end += 1
+            touch.weight[p], touch.live_end[p] = total, end
             touch.touched[begin + n] = p
             n += 1
     return n
 
 
 @ti.func
-def push(touch: ti.template(), z):
-    """One sweep of row z; returns how far it was from its target [m/s]."""
-    n = touch.normal[z]
-    rate, inverse, free = touch.drift[z], 0.0 * n[0], 0.0 * n[0]
+def soften(touch: ti.template(), row):
+    """1/P of a row, once S is known."""
+    inverse, free = 0.0 * touch.target[row], 0.0 * touch.target[row]
     for k in range(4):
-        p, w = touch.ends[z, k], touch.share[z, k]
-        rate += w * touch.velocity[p]
-        inverse += ti.abs(w) * touch.weight[p] * touch.inverse_mass[p]
+        p, w = touch.corner[row, k], ti.abs(touch.share[row, k])
+        inverse += w * touch.weight[p] * touch.inverse_mass[p]
         if touch.inverse_mass[p] > 0.0:
-            free += ti.abs(w)
+            free += w
+    touch.mass[row] = 0.0
+    if inverse > 0.0 and free > LEVER:
+        touch.mass[row] = 1.0 / inverse
+
+
+@ti.func
+def push(touch: ti.template(), row):
+    """One sweep of a row; returns how far it was from its target [m/s]."""
+    n, mass = touch.normal[row], touch.mass[row]
+    rate = touch.drift[row]
+    for k in range(4):
+        rate += touch.share[row, k] * touch.velocity[touch.corner[row, k]]
     along = rate.dot(n)
     short = 0.0 * along
-    if inverse > 0.0 and free > LEVER:
-        short = touch.target[z] - along
-        impulse = ti.max(touch.impulse[z] + short / inverse, 0.0 * short)
-        touch.impulse[z] = impulse
-        most = touch.rough[z] * impulse
-        grip = touch.grip[z] - (rate - along * n) / inverse
+    if mass > 0.0:
+        short = touch.target[row] - along
+        impulse = ti.max(touch.impulse[row] + short * mass, 0.0 * short)
+        touch.impulse[row] = impulse
+        most = touch.rough[row] * impulse
+        grip = touch.grip[row] - (rate - along * n) * mass
         size = grip.norm()
         if size > most:
             grip *= most / size
-        touch.grip[z] = grip
+        touch.grip[row] = grip
     return short
 
 
@@ -73,13 +86,11 @@ def push(touch: ti.template(), z):
 def gather(touch: ti.template(), p):
     """Impulses of all rows on point p, and its velocity."""
     pushed, rubbed = 0.0 * touch.velocity[p], 0.0 * touch.velocity[p]
-    for k in range(touch.slot_start[p], touch.slot_start[p + 1]):
-        c = touch.slot[k >> 2, k & 3]
-        z = c >> 2
-        if touch.near[z]:
-            w = touch.share[z, c & 3]
-            pushed += w * touch.impulse[z] * touch.normal[z]
-            rubbed += w * touch.grip[z]
+    for k in range(touch.slot_start[p], touch.live_end[p]):
+        c = touch.live[k >> 2, k & 3]
+        w = touch.share[c >> 2, c & 3]
+        pushed += w * touch.impulse[c >> 2] * touch.normal[c >> 2]
+        rubbed += w * touch.grip[c >> 2]
     touch.pushed[p], touch.rubbed[p] = pushed, rubbed
     jump = (pushed + rubbed) * touch.inverse_mass[p]
     for d in ti.static(range(3)):
@@ -97,13 +108,17 @@ def sweep(s: ti.template(), touch: ti.template(), scene, q, t, threads, phase, n
     phase += 1
     meet(s, scene, phase, threads)
     tolerance = ti.cast(touch.length[q, f.TOLERANCE], touch.real) / now.h
+    for kind in range(2):
+        first = touch.segment[thread + t, 2 * kind]
+        for row in range(first, first + touch.segment[thread + t, f.FACES_NEAR + kind]):
+            soften(touch, row)
     number = 0
     while number < MOST_SWEEPS:
         worst = 0.0 * tolerance
         for kind in range(2):
             first = touch.segment[thread + t, 2 * kind]
-            for k in range(first, first + touch.segment[thread + t, f.FACES_NEAR + kind]):
-                worst = ti.max(worst, push(touch, touch.active[k]))
+            for row in range(first, first + touch.segment[thread + t, f.FACES_NEAR + kind]):
+                worst = ti.max(worst, push(touch, row))
         touch.most[thread + t, f.WORST] = worst
         phase += 1
         meet(s, scene, phase, threads)

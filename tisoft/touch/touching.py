@@ -36,7 +36,7 @@ from tisoft.touch.surface import Surface, surface_of
 Floats = NDArray[np.float64]
 
 THICKNESS = {True: 0.05, False: 0.1}
-MARGIN = (0.25, 1.0)
+MARGIN = (0.25, 1.5)
 THINNEST = 0.02
 """Of the median edge: less than what the sweeps leave over would let surfaces through."""
 TOLERANCE = 0.02
