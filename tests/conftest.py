@@ -1,4 +1,6 @@
-"""Ctrl-C as in a terminal, also where the parent ignores it: nohup, a job in the background."""
+"""Ctrl-C as in a terminal, also where the parent ignores it: nohup, a job in the background; and
+tests of a device only where they are asked for: -m gpu.
+"""
 
 import signal
 import sys
@@ -8,3 +10,10 @@ sys.path.insert(0, str(Path(__file__).parent))  # for the helpers beside the tes
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_modifyitems(config, items):
+    if "gpu" not in config.option.markexpr:
+        asked = [item for item in items if item.get_closest_marker("gpu") is None]
+        config.hook.pytest_deselected(items=[item for item in items if item not in asked])
+        items[:] = asked
