@@ -38,7 +38,8 @@ leaves free if that is more; and how many times AGAIN substeps may go by until t
 may hit something are looked at as often as ever: they are calm until they do.
 """
 CENTERED = 128
-"""Substeps after which a body is centred at the latest: what hits it may have made it faster."""
+"""Substeps after which a body that may be pushed or hit is centred at the latest: it may be faster.
+"""
 LOOK, LOOK_WORK = 64, 30_000
 """Substeps, or tet-substeps in small scenes, after which it is even within a frame."""
 MOST_SUBSTEPS = 1e9
@@ -321,34 +322,44 @@ class Motion(Present):
 
     def _next_look(self, since: int) -> int:
         """Substeps until the next look, as the state's change in the last `since` asks."""
-        pins = [pin for part in self.system.parts for pin in part.body.pins]
-        lets_go = any(pin.release is not None for pin in pins)
-        jolted = bool(self._obstacles) or self.touching is not None or lets_go
-        if jolted:
+        if self._may_be_jolted():
             return AGAIN
         free = max(CALM, SPENT * (self.limit.accepted() / self.steps[-1] - 1.0))
         change = self.limit.change()
         calm = since * free / change if change > 0.0 else math.inf
         return int(min(max(AGAIN, min(calm, 2 * self.next_look)), CALMEST * AGAIN))
 
+    def _may_be_jolted(self) -> bool:
+        """Whether something may hit a body, or let go of it."""
+        pins = [pin for part in self.system.parts for pin in part.body.pins]
+        lets_go = any(pin.release is not None for pin in pins)
+        return bool(self._obstacles) or self.touching is not None or lets_go
+
     def _recenter(self, since: int) -> None:
         """Move bodies' origins after them, and look again before one has travelled too far."""
         self.next_look = self._next_look(since)
         step = self.steps[-1]
         if self.center_due - self.time < AGAIN * step:
-            self.center_due = self.time + min(self._center(), CENTERED * step)
+            falls = not (self._may_be_jolted() or self.is_driven())
+            latest = CALMEST * AGAIN if falls else CENTERED
+            self.center_due = self.time + min(self._center(), latest * step)
         ahead = int((self.center_due - self.time) / step)
         self.next_look = max(1, min(self.next_look, ahead))
 
     def _center(self) -> float:
         """Move a body's origin after it where it has travelled: u stays small, so exact in f32.
 
-        Returns the time [s] in which none travels by half its size.
+        Returns the time [s] in which none travels by half its size.  Bodies that still pins hold
+        travel no more once they have been looked at.
         """
+        held = (self.holder.held == 7) & (self.center_due > 0.0) & (not self.holder.is_moving)
+        parts = [part for part in self.parts if not held[part.nodes].any()]
+        if not parts:
+            return math.inf
         moved, soonest = False, math.inf
         u, v = self.system.motion()
         gravity = strongest(self.scene.gravity)
-        for part in self.system.parts:
+        for part in parts:
             here = u[part.nodes]
             way = here.mean(axis=0, dtype=np.float64).astype(u.dtype)
             if np.abs(way).max() >= part.size:

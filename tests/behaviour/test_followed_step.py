@@ -178,3 +178,27 @@ def test_a_change_of_the_step_leaves_the_amplitude_of_a_swing(eighth):
         seen.append(v * v + omega**2 * (x * x - sim.steps[-1] * x * v))
     assert sim.steps[-1] == pytest.approx(sim.steps[0] / 3)
     assert seen == pytest.approx([seen[0]] * len(seen), rel=0.02)
+
+
+def test_a_body_that_falls_far_stays_exact_in_single_precision():
+    """Bodies are centred as they travel, however rarely they are looked at."""
+    sim = tet(ts.ViscoElastic(1e4, 0.3, 1000.0), gravity=(0, -10.0, 0), precision="f32")
+    start, frames = sim.positions(), 60
+    for _ in range(frames):
+        sim.step()
+    fallen, h = sim.positions() - start, sim.time / sim.substeps
+    exact = -5.0 * sim.time * (sim.time + h)  # symplectic Euler's, which is h t g/2 ahead
+    assert exact < -4.0
+    assert fallen[:, 1] == pytest.approx(exact, rel=2e-5)
+    edges = np.diff(sim.positions(), axis=0) - np.diff(start, axis=0)
+    assert np.abs(edges).max() < 2e-6
+
+
+def test_a_calm_body_that_is_held_is_looked_at_rarely(monkeypatch):
+    sim = tet(ts.ViscoElastic(1e4, 0.3, 1000.0), gravity=(0, -0.1, 0), precision="f32")
+    sim.scene.bodies[0].pin(ts.where.box((0.5, 0.5, 0.5), (2, 2, 2)))
+    looks = []
+    monkeypatch.setattr(sim.watch, "look", lambda time: looks.append(time))
+    while sim.substeps < 4000:
+        sim.step()
+    assert 3 < len(looks) < 16
