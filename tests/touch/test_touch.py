@@ -428,3 +428,103 @@ def test_cloth_that_folds_does_not_cross_itself():
     x[back] = np.stack([0.8 - x[back, 0], 0.5 * x[back, 0] - 0.29, x[back, 2]], axis=1)
     sim.set_state(x, 0 * x)
     assert re.match(r'\d+ edges of the triangles of sheets \("body0"\) pass', sim.warnings[0])
+
+
+def half_of_a_ball(side, cells=14, first=1.0 / 160.0):
+    """A quarter of a piece of a ball of radius 2 m around its lowest (`side` 1: highest) point, 1 m
+    high, in cells that grow from `first` [m] at that point on.
+    """
+    mesh = ts.box(size=(cells,) * 3, cells=(cells,) * 3)
+    x, y, z = np.rint(mesh.points).astype(int).T
+    across, deep = (lines(cells, first, length) for length in (0.5, 1.0))
+    r = np.hypot(across[x], across[y])
+    height = deep[z] + r**2 / 4.0 * (1.0 - deep[z])
+    tets = mesh.tets if side < 0 else np.asarray(mesh.tets)[:, [1, 0, 2, 3]]
+    return ts.tet_mesh(np.stack([across[x], across[y], -side * height], axis=1), tets)
+
+
+def lines(count, first, length):
+    """0 to `length` [m] in steps that grow by one factor."""
+    low, high = 1.0, 9.0
+    for _ in range(60):
+        factor = 0.5 * (low + high)
+        fits = first * (factor ** np.arange(count)).sum() < length
+        low, high = (factor, high) if fits else (low, factor)
+    return np.append(0.0, (first * factor ** np.arange(count)).cumsum())
+
+
+def test_two_balls_press_each_other_as_hertz_says():
+    """F = 4/3 E* √R* d^(3/2): eight elements in the contact's radius of .05 m; the tets are that
+    much too stiff with fewer (1.10 at five, 1.13 at three).
+    """
+    scene = ts.Scene(gravity=(0, 0, 0), frame_rate=20.0)
+    scene.add_obstacle(ts.Plane(point=(0, 0, -9), normal=(0, 0, 1)))
+    thick, way = 0.002, 0.0025
+    for side in (1, -1):
+        mesh = half_of_a_ball(side).transformed(translate=(0, 0, -0.5 * side * thick))
+        model = ts.ViscoElastic(young=1e5, poisson=0.3, density=1000.0, point_damping=30.0)
+        body = scene.add_body(mesh, model)
+        body.friction, body.thickness = 0.0, thick
+        for axis, place in enumerate((0.0, 0.0, -side * (1.0 + 0.5 * thick))):
+            low, high = np.full(3, -9.0), np.full(3, 9.0)
+            low[axis], high[axis] = place - 1e-9, place + 1e-9
+            path = [(0, 0, 0, 0), (0.4, 0, 0, 0.5 * side * way)] if axis == 2 else None
+            body.pin(ts.where.box(low, high), "xyz"[axis], path=path)
+    sim = simulation(scene, threads=1)
+    sim.run(0.6)
+    pushed = sim.touching.fields.pushed.to_numpy() * sim.touching.fields.met.to_numpy()[:, None]
+    first, last = sim.touching.ranges[0]
+    force = -4.0 * pushed[first:last, 2].sum() / sim.steps[-1]
+    stiff = 0.5 * 1e5 / (1.0 - 0.3**2)
+    assert force == pytest.approx(4.0 / 3.0 * stiff * way**1.5, rel=0.05)
+
+
+def test_a_pile_of_twenty_comes_to_rest():
+    """Cubes fall into a pen: in the end they lie still, none in another one or outside."""
+    scene = ts.Scene(frame_rate=50.0)
+    scene.add_obstacle(ts.Plane(friction=0.4))
+    for normal in ((1, 0, 0), (-1, 0, 0), (0, 0, 1), (0, 0, -1)):
+        scene.add_obstacle(ts.Plane(point=tuple(-0.16 * np.array(normal)), normal=normal))
+    mesh = ts.box(size=(0.1, 0.1, 0.1), cells=(2, 2, 2)).transformed(translate=(-0.05,) * 3)
+    for k in range(20):
+        turned = mesh.transformed(rotate=(31 * k, 17 * k, 45 * k))
+        place = (0.08 * (-1) ** k, 0.1 + 0.17 * (k // 4), 0.08 * (-1) ** (k // 2))
+        stiff = ts.ViscoElastic(young=4e5, poisson=0.3, density=1000.0, phi=300.0, eta=200.0)
+        scene.add_body(turned.transformed(translate=place), stiff)
+    sim = simulation(scene, threads=1)
+    sim.run(1.5)
+    places = [sim.positions(body) for body in scene.bodies]
+    surface = SimpleNamespace(triangles=np.asarray(mesh.surface))
+    for k, x in enumerate(places):
+        others = np.concatenate(places[:k] + places[k + 1 :])
+        assert overlap.depths_inside(x, surface, others).max() < 0.002
+        assert x[:, 1].min() > -1e-3 and np.abs(x[:, [0, 2]]).max() < 0.161
+    assert max(np.abs(v).max() for v in mean_velocities(sim)) < 0.05
+    told = sim.energy()
+    assert abs(told["error"]) < 0.01 * told["dissipated"]
+    assert sim.watch.inverted == 0 and sim.recoveries == []
+
+
+def test_a_light_sheet_between_two_blocks_carries_the_upper_one():
+    """Its points weigh a 150th of theirs; all keep their distance, and the load goes through."""
+    scene = on_slab(1, 0.5)
+    low, top = scene.bodies
+    sheet = ts.box(size=(0.15, 0.004, 0.15), cells=(5, 1, 5))
+    edge, gap = (np.median(lengths(mesh)) for mesh in (sheet, top.mesh))
+    kept = 0.05 * 0.5 * (np.median(lengths(low.mesh)) + edge)
+    body = scene.add_body(
+        sheet.transformed(translate=(-0.075, kept + 1e-4, -0.075)),
+        ts.ViscoElastic(young=2e4, poisson=0.3, density=200.0, phi=10.0, eta=10.0),
+        "sheet",
+    )
+    body.friction = 0.5
+    y = kept + 0.004 + 0.025 * (edge + gap) + 2e-4
+    top.mesh = top.mesh.transformed(translate=(0, y - top.mesh.points[:, 1].min(), 0))
+    sim = simulation(scene, threads=1)
+    sim.run(0.5)
+    carried = np.mean([loads(sim) for _ in sim.frames(0.05)], axis=0)
+    assert carried[1] == pytest.approx(9.81, rel=0.02)
+    assert carried[0] == pytest.approx(-9.81 * (1.0 + 0.018), rel=0.02)
+    bottom, upper = (sim.positions(b)[:, 1] for b in (body, top))
+    assert bottom.min() > 0.5 * kept and upper.min() - bottom.max() > -0.004
+    assert sim.recoveries == [] and np.abs(sim.velocities()).max() < 0.1
