@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import tisoft as ts
+from tisoft import runtime
+from tisoft.check.warnings import warnings_of
 
 
 def spinning(model, rate=2.0):
@@ -50,3 +52,16 @@ def test_no_tet_is_inverted_at_rest(model):
     sim = spinning(model(1e5, 0.3, 1000.0), rate=0.0)
     sim.step()
     assert sim.watch.inverted == 0
+
+
+def test_that_surfaces_do_not_touch_on_a_device_is_told(monkeypatch):
+    cube, model = ts.box((1.0, 1.0, 1.0), (1, 1, 1)), ts.ViscoElastic(1e5, 0.3, 1000.0)
+    scene = ts.Scene()
+    for place in (0.0, 2.0):
+        scene.add_body(cube.transformed(translate=(place, 0, 0)), model)
+    assert warnings_of(scene) == []
+    monkeypatch.setattr(runtime, "on_device", lambda: True)
+    (told,) = warnings_of(scene)
+    assert "bodies pass through each other" in told and "--arch cpu" in told
+    scene.bodies[1].contact = False
+    assert warnings_of(scene) == []

@@ -12,7 +12,7 @@ Advice is asked anew for each tolerance, as a user does; variants that decide ar
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -279,41 +279,76 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     }  # fmt: skip
 
 
+@dataclass(frozen=True)
+class Column:
+    """One column of a table: its head, how wide it is, and what it tells of an item."""
+
+    head: str
+    width: int
+    """Of texts that stand right; those that stand left have a negative one."""
+    tell: Callable[[dict[str, Any]], str]
+
+    def cell(self, text: str) -> str:
+        """A text, as wide as the column."""
+        return text.ljust(-self.width) if self.width < 0 else text.rjust(self.width)
+
+
+def _below(one: dict[str, Any]) -> bool:
+    return bool(one["predicted"] <= one["bar"])
+
+
+def _error(one: dict[str, Any]) -> str:
+    if _below(one):
+        return f"below {100 * (one['predicted'] + one['bar']):.2g} %"
+    return f"{100 * one['predicted']:.3g} % ± {100 * one['bar']:.2g}"
+
+
+def _share(value: float | None) -> str:
+    return "" if value is None else f"{100 * value:.2f} %"
+
+
+def _times(value: float | None) -> str:
+    return "" if value is None else f"{value:.2f}"
+
+
+TABLES = {
+    "errors": (
+        Column("element", -9, lambda one: str(one["element"])),
+        Column("error of", -11, lambda one: str(one["quantity"])),
+        Column("predicted", 18, _error),
+        Column("true", 9, lambda one: _share(one["true"])),
+        Column("ratio", 8, lambda one: _times(
+            None if _below(one) else one["predicted"] / max(one["true"], 1e-12))),
+    ),
+    "costs": (
+        Column("variant", -31, lambda one: str(one["name"])),
+        Column("cost predicted", 15, lambda one: f"{one['predicted']:.3g}"),
+        Column("timed", 10, lambda one: f"{one['timed']:.3g}"),
+        Column("ratio", 8, lambda one: _times(one["predicted"] / one["timed"])),
+    ),
+    "advice": (
+        Column("within", 8, lambda one: f"{100 * one['tolerance']:g} %"),
+        Column("  advised", -33, lambda one: f"  {one['choice']}"),
+        Column("told", 9, lambda one: f"<{_share(one['predicted_most'])}"),
+        Column("true", 9, lambda one: _share(one["true"])),
+        Column("x cheapest", 12, lambda one: _times(one["times_cheapest"])),
+        Column("", -13, lambda one: "" if one["certain"] else "  not certain"),
+    ),
+}  # fmt: skip
+"""By what `measure` finds of a scene."""
+
+
 def as_text(rows: list[dict[str, Any]]) -> str:
     """The tables."""
-    lines = [f"{'scene':13}{'element':9}{'error of':11}{'predicted':>18}{'true':>9}{'ratio':>8}"]
-    for row in rows:
-        for one in row["errors"]:
-            below = one["predicted"] <= one["bar"]
-            most = 100 * (one["predicted"] + one["bar"])
-            told = f"below {most:.2g} %" if below else f"{100 * one['predicted']:.3g} %"
-            bar = "" if below else f" ± {100 * one['bar']:.2g}"
-            ratio = "" if below else f"{one['predicted'] / max(one['true'], 1e-12):.2f}"
-            lines.append(
-                f"{row['scene']:13}{one['element']:9}{one['quantity']:11}{told + bar:>18}"
-                f"{100 * one['true']:>7.2f} %{ratio:>8}"
-            )
-    lines += ["", f"{'scene':13}{'variant':31}{'cost predicted':>15}{'timed':>10}{'ratio':>8}"]
-    for row in rows:
-        for one in row["costs"]:
-            lines.append(
-                f"{row['scene']:13}{one['name']:31}{one['predicted']:>15.3g}{one['timed']:>10.3g}"
-                f"{one['predicted'] / one['timed']:>8.2f}"
-            )
-    lines += [
-        "",
-        f"{'scene':13}{'within':>8}  {'advised':31}{'told':>9}{'true':>9}{'x cheapest':>12}",
-    ]
-    for row in rows:
-        for one in row["advice"]:
-            sure = "" if one["certain"] else "  not certain"
-            times = one["times_cheapest"]
-            real = "" if one["true"] is None else f"{100 * one['true']:.2f} %"
-            lines.append(
-                f"{row['scene']:13}{100 * one['tolerance']:>6g} %  {one['choice']:31}"
-                f"{'<' + format(100 * one['predicted_most'], '.2f'):>7} %{real:>9}"
-                f"{'' if times is None else format(times, '.2f'):>12}{sure}"
-            )
+    lines = []
+    for what, columns in TABLES.items():
+        scene = Column("scene", -13, lambda row: str(row["scene"]))
+        lines.append("".join(column.cell(column.head) for column in (scene, *columns)))
+        lines += [
+            scene.cell(scene.tell(row)) + "".join(c.cell(c.tell(one)) for c in columns)
+            for row in rows for one in row[what]
+        ]  # fmt: skip
+        lines.append("")
     counts = summary(rows).items()
-    lines += ["", *(f"{key.replace('_', ' ')}: {value}" for key, value in counts)]
-    return "\n".join(lines)
+    lines += [f"{key.replace('_', ' ')}: {value}" for key, value in counts]
+    return "\n".join(line.rstrip() for line in lines)

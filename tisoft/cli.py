@@ -111,6 +111,11 @@ def _outcome(arguments: Sequence[str] | None) -> int:
 
 
 def _execute(arguments: Sequence[str] | None) -> int:
+    given = sys.argv[1:] if arguments is None else arguments
+    if any(word.startswith("--workers") for word in given):
+        from tisoft.sweeping.cluster import prepare
+
+        prepare(1)  # they import what they need while this process does
     top = parser()
     options = top.parse_args(arguments)
     if options.command is None:

@@ -87,6 +87,11 @@ def on_cpu() -> bool:
     return _started == "cpu"
 
 
+def on_device() -> bool:
+    """Whether kernels run on a GPU."""
+    return _started is not None and _started != "cpu"
+
+
 def has_f64() -> bool:
     """Whether kernels compute in f64 on the arch in use; Metal's do not."""
     return _started != "metal"

@@ -11,18 +11,22 @@ import tisoft as ts
 from tisoft import cli
 from tisoft.charting import estimate
 from tisoft.charting.advice import advise
+from tisoft.charting.carried import carried
 from tisoft.charting.carriers import carrier
 from tisoft.charting.chart import Chart
+from tisoft.charting.curves import FREE, HELD, range_of
 from tisoft.charting.estimate import Error, Ruler
 from tisoft.charting.judged import Judged, with_pareto
 from tisoft.charting.linearly import linear_ruler
 from tisoft.charting.page import page
 from tisoft.charting.picture import files
-from tisoft.charting.records import Place, linear_static_of, static_of
+from tisoft.charting.places import Place
+from tisoft.charting.records import linear_static_of, static_of
 from tisoft.charting.rulers import Pair, agreed, ruler_of
 from tisoft.charting.survey import Survey
 from tisoft.charting.thumbnails import picture
 from tisoft.charting.variants import Catalogue
+from tisoft.equilibrium.statics import equilibrium
 from tisoft.errors import SceneError
 from tisoft.geometry.shapes import box
 from tisoft.geometry.solid import quadratic
@@ -44,6 +48,7 @@ name = "tip"
 body = "beam"
 point = [1.0, 0.1, 0.1]
 """
+QUADRATIC = 'body.0.mesh.element="tet10"'
 SAG = np.array([-0.0697, 0.0, -0.3457])
 FREQUENCIES = np.array([0.9995, 0.9995, 4.5176])
 """Of the continuum (27-node hexahedra, extrapolated): m, Hz."""
@@ -94,7 +99,7 @@ def test_predicted_errors_are_those_of_the_continuum_within_their_bars(scene):
 def test_hexahedra_are_judged_by_linear_elasticity_where_their_kernels_would_take_too_long(scene):
     linear = load_scene(scene, ['body.0.model="linear"'])
     tip = [Place("tip", 0, (1.0, 0.1, 0.1))]
-    balanced, solved = static_of(linear, tip), linear_static_of(linear, tip)
+    balanced, solved = static_of(linear, tip)[0], linear_static_of(linear, tip)
     assert solved["places"][0] == pytest.approx(balanced["places"][0], rel=1e-6, abs=1e-12)
     assert solved["energy"] == pytest.approx(balanced["energy"], rel=1e-6)
     hexes = linear_static_of(load_scene(scene, ['body.0.mesh.box.split="hex"']), tip)
@@ -105,6 +110,49 @@ def test_hexahedra_are_judged_by_linear_elasticity_where_their_kernels_would_tak
     assert judge.error([0.8]).value == pytest.approx(0.75 * 0.2)
     assert judge.error([0.8]).bar == pytest.approx(0.01 + 0.25 * 0.2)
     assert linear_ruler(truth, Error(0.1, 0.01), [0.6]) is None  # linear elasticity tells nothing
+
+
+def test_an_answer_is_found_next_to_that_of_a_coarser_mesh(scene):
+    """In half as many linear systems, and the same one, also where what it lies near is wrong."""
+    heavy = "gravity=[0, 0, -25.0]"
+    (_, moved), fine = (
+        static_of(load_scene(scene, [heavy]), []),
+        load_scene(scene, [heavy, QUADRATIC]),
+    )
+    near = carried(*moved[0], fine.bodies[0].mesh.points)
+    sought = equilibrium(fine)
+    for guess, systems in ((near, sought.iterations // 2), (-near, 10**6)):
+        found = equilibrium(fine, near=guess)
+        assert found.positions == pytest.approx(sought.positions, abs=1e-9)
+        assert found.iterations <= systems
+
+
+@pytest.mark.parametrize("flat", [1.0, 0.0])
+def test_displacements_are_carried_from_node_to_node(flat):
+    """Those of second order to rounding, in space and in a plane; and nodes keep their own."""
+    rng = np.random.default_rng(4)
+    points, to = (rng.uniform(-1.0, 1.0, (n, 3)) * [1.0, 1.0, flat] for n in (300, 40))
+
+    def field(x):
+        return np.stack([x[:, 0] * x[:, 1], x[:, 2] ** 2 - x[:, 0], 1.0 + x[:, 1] ** 2], axis=1)
+
+    assert carried(points, field(points), to) == pytest.approx(field(to), abs=1e-6)
+    jumps = rng.normal(size=(300, 3))
+    assert carried(points, jumps, points[:9]) == pytest.approx(jumps[:9], abs=0.02)
+
+
+def test_meshes_of_a_ball_are_compared_as_curved_where_pins_hold_the_same():
+    def ball(resolution, poisson, low=None):
+        scene = ts.Scene()
+        body = scene.add_body(ts.ball(0.1, resolution), ts.ViscoElastic(1e5, poisson, 1e3))
+        if low is not None:
+            body.pin(ts.where.box((-1, -1, -1), (1, low, 1)))
+        return scene
+
+    assert range_of(ball(2, 0.3), ball(4, 0.3), [0]) == FREE
+    assert range_of(ball(2, 0.3, 1e-6), ball(4, 0.3, 1e-6), [0]) == HELD
+    assert range_of(ball(2, 0.3, -0.03), ball(4, 0.3, 0.03), [0]) is None  # other places
+    assert range_of(ball(2, 0.48), ball(4, 0.48), [0]) is None  # nearly incompressible
 
 
 def test_a_third_mesh_tells_how_far_two_can_be_trusted():

@@ -1,10 +1,13 @@
 """What a variant costs: timed, or predicted from one that was.
 
-    cost = s (n e / p + a) + r (n c / p + b)      [seconds of computing a simulated second]
+    cost = s g t + r (n c/p + b),   t = min(n e + a, n e/p + w)
 
-n elements on p threads, s substeps and r frames a second; e and c are what an element takes in a
-substep and in a frame, where the stable step is followed.  Their ratios between elements and laws
-are in the tables below; the common scale is that of the timed variant that is most alike.
+in seconds of computing a simulated second, of n elements; s substeps at rest and r frames a
+second; g is how many more substeps a body of a finite law takes that swings; e and c are what an
+element takes in a substep, and in a frame where the stable step is followed; p is how much faster
+several threads are, which wait w for one another.
+Ratios between elements and laws are in the tables below, fitted to bars of 6 to 5,400 cells of each
+element, law and precision; the common scale is that of the timed variant that is most alike.
 """
 
 from __future__ import annotations
@@ -12,25 +15,28 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-TET = 2.4e-8
+TET = 3.4e-8
 """Seconds of a substep of one linear St. Venant-Kirchhoff tet in f32, where nothing is timed."""
-SUBSTEP = {"tet4": 1.0, "tet10": 5.4, "hex8": 2.2, "spring": 0.72}
+SUBSTEP = {"tet4": 1.0, "tet10": 4.6, "hex8": 2.6, "spring": 0.4}
 """e of an element, against that tet."""
-FRAME = {"tet4": 30.0, "tet10": 190.0, "hex8": 58.0, "spring": 4.0}
+FRAME = {"tet4": 11.0, "tet10": 170.0, "hex8": 25.0, "spring": 1.0}
 """c of an element, against a substep of that tet."""
 MODELS = {
-    "viscoelastic": (1.0, 1.0), "neo-hookean": (1.15, 1.5), "linear": (0.67, 0.2),
-    "mass-tensor": (0.9, 0.4), "mass-spring": (1.0, 1.0),
+    "viscoelastic": (1.0, 1.0), "neo-hookean": (0.95, 1.0), "linear": (0.71, 0.5),
+    "mass-tensor": (1.0, 0.7), "mass-spring": (1.0, 1.0),
 }  # fmt: skip
 """e and c of a model, against St. Venant-Kirchhoff."""
-NEO_HEX = 6.0
+SMALL_STRAINS = ("linear", "mass-tensor")
+SWINGING = 1.15
+"""g of all others."""
+NEO_HEX = 7.6
 """e of a neo-Hookean hexahedron, beyond what its element and its model alone come to."""
-DOUBLE = 1.6
+DOUBLE, DOUBLE_SPRINGS = 1.85, 1.1
 """f64 against f32."""
-EACH_SUBSTEP, EACH_FRAME = 5e-7, 2.5e-4
+EACH_SUBSTEP, EACH_FRAME = 2.7e-7, 7.7e-5
 """a and b: seconds that a substep and a frame take however few elements there are."""
-BARRIERS = 3e-6
-"""Seconds of a substep in which several threads wait for one another."""
+FASTER, WAITING = 0.42, 1e-5
+"""What each further thread adds to p, and w [s]."""
 
 
 @dataclass(frozen=True)
@@ -57,9 +63,16 @@ class Kind:
         )  # fmt: skip
         if "hex8" in words and "neo-hookean" in laws:
             e *= NEO_HEX
-        tets = self.elements / self.threads * TET * (DOUBLE if self.precision == "f64" else 1.0)
-        waiting = EACH_SUBSTEP + (BARRIERS if self.threads > 1 else 0.0)
-        return self.substeps * (tets * e + waiting) + self.frame_rate * (tets * c + EACH_FRAME)
+        if self.precision == "f64":
+            e *= DOUBLE_SPRINGS if words == ["spring"] else DOUBLE
+        share = 1.0 / (1.0 + FASTER * (self.threads - 1))
+        work = self.elements * TET
+        substep = work * e + EACH_SUBSTEP
+        if self.threads > 1:
+            substep = min(substep, share * work * e + WAITING)
+        grows = 1.0 if set(laws) <= set(SMALL_STRAINS) else SWINGING
+        frame = share * work * c + EACH_FRAME
+        return self.substeps * grows * substep + self.frame_rate * frame
 
     def unlike(self, other: Kind) -> float:
         """How little the other tells of this one."""

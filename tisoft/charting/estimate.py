@@ -7,6 +7,7 @@ From a worse answer C and a better one F the truth is F + γ (F − C), γ withi
     the same where a third mesh, coarser still, shows them converge: r = D'·D/|D|² of the two
     differences D (from it to C), D' (from C to F)        .05 … 1.2 r/(1 − r), from .65 to 1.3
     springs, cages on cells of half the size              −.33 … 1 (order 2 or 1)
+    balls, cylinders                                      see `curves`
 
 measured on shapes whose continuum values are known or were computed on finer meshes: beams, a
 twisted bar, blocks and plates clamped at a side, Poisson's ratio .49 among them, a bracket, a

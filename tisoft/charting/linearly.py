@@ -13,8 +13,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.linalg import splu
 
 from tisoft.charting.estimate import Error, Ruler
 from tisoft.errors import NoEquilibrium
@@ -56,6 +54,7 @@ def linear_static(scene: Scene) -> tuple[list[np.ndarray], float]:
     """Displacements [m] of each body's nodes, shape (nodes, 3), and the elastic energy [J]; raises
     NoEquilibrium for a body that its pins let go."""
     from tisoft.equilibrium.at_rest import AtRest
+    from tisoft.equilibrium.frontal import factorised
     from tisoft.equilibrium.held import Held
     from tisoft.gravity import gravity_at
     from tisoft.model.part import parts_of
@@ -70,20 +69,13 @@ def linear_static(scene: Scene) -> tuple[list[np.ndarray], float]:
         held = Held(part, scene.duration)
         u = held.place(1.0).ravel()
         right = held.basis.T @ (force.ravel() - stiffness @ u)
-        u += held.basis @ _solved(held.on_unknowns(stiffness), right)
+        try:
+            factor, _ = factorised(held.on_unknowns(stiffness), held)
+        except RuntimeError:  # exactly singular
+            raise NoEquilibrium("the pins let a body go") from None
+        u += held.basis @ factor.solve(right)
         energy += 0.5 * float(u @ (stiffness @ u))
         own = np.empty((len(part.order), 3))
         own[part.order] = u.reshape(-1, 3)
         moved.append(own)
     return moved, energy
-
-
-def _solved(matrix: sparse.csc_matrix, right: Any) -> Any:
-    try:
-        factor = splu(
-            matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )  # fmt: skip
-    except RuntimeError:  # exactly singular
-        raise NoEquilibrium("the pins let a body go") from None
-    return factor.solve(right)

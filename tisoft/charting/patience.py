@@ -25,9 +25,9 @@ LARGE = 0.6
 """The least slowness that answers of a second or more are foretold with."""
 WARM = 0.2
 """What is left of them where kernels are in the disk cache."""
-NODE = {"static": 4e-4, "linear static": 1e-4, "modes": 2e-4, "exact modes": 3e-4, "step": 3e-5}
+NODE = {"static": 2.5e-4, "linear static": 1e-4, "modes": 2e-4, "exact modes": 3e-4, "step": 3e-5}
 """Seconds a node."""
-FRONT = 6.5e-9
+FRONT = 2.2e-9
 """Seconds of a factorisation for each unknown of its widest front, cubed."""
 FACTORED = {"static": 4.0, "linear static": 1.0, "modes": 4.0, "exact modes": 4.0, "step": 0.0}
 """Factorisations, and what is solved with them in their seconds."""

@@ -1,4 +1,7 @@
-"""What is computed of one variant: static answer, modes, cost.  Everything is plain data."""
+"""What is known of each variant, computed once: what it is, static answer, modes, step, runs.
+
+Everything is plain data.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,6 @@ import os
 import pickle
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,11 +19,13 @@ from numpy.typing import NDArray
 
 from tisoft import runtime
 from tisoft.changes import MODEL_WORDS, scene_with
-from tisoft.charting.carriers import carrier
+from tisoft.charting.carried import carried
 from tisoft.charting.linearly import linear_static
+from tisoft.charting.places import Place, at_places
+from tisoft.charting.runs import path_of, timing_of
 from tisoft.charting.variants import Variant
 from tisoft.errors import Diverged, NoEquilibrium, OutOfTime, TisoftError
-from tisoft.models.materials import MassSpring
+from tisoft.models.materials import Linear, MassSpring, MassTensor
 from tisoft.scene import Scene
 from tisoft.version import version
 
@@ -31,34 +35,13 @@ FORM = b"5"
 """Changes where records hold other things than before."""
 MODES = 3
 """Elastic modes that are compared."""
-TIMED, WINDOWS = 0.3, 6
-"""Seconds of stepping that a cost is timed in, and parts of it, of which the fastest counts: what
-other programs take comes on top."""
-LONG_FRAME, LONGEST_FRAME = 0.1, 1.0
-"""Seconds of computing above which one frame is timed, and above which some of its substeps are."""
-FIRST_FRAMES = 12
-"""Frames made before those that are timed: a run makes its first ones one by one."""
 DRAWN = 6000
 """Nodes up to which displacements are kept for pictures."""
+ACCURACY = 1e-8
+"""Forces out of balance, as a share of the load, that no error of a mesh is small enough for."""
 
-
-@dataclass(frozen=True)
-class Place:
-    """A point of a body, which probes follow: its name in the scene, rest position [m]."""
-
-    name: str
-    body: int
-    point: tuple[float, float, float]
-
-
-def places_of(scene: Scene) -> list[Place]:
-    """Where the scene's probes are: the nodes that they follow."""
-    found = []
-    for probe in scene.probes:
-        seen = scene.probed(probe)
-        x, y, z = (float(c) for c in seen.at(seen.body.mesh.points))
-        found.append(Place(probe.name, scene.bodies.index(seen.body), (x, y, z)))
-    return found
+AtRest = list[tuple[Floats, Floats]]
+"""Of each body its nodes and their displacements [m], shape (nodes, 3)."""
 
 
 class Bench:
@@ -76,6 +59,8 @@ class Bench:
         self.source = source
         self.places = places
         self.kept = kept
+        self._finest: AtRest = []
+        """The static answer of most nodes so far, which the next one is sought next to."""
         if isinstance(source, Scene):
             content = pickle.dumps(source)
         else:
@@ -108,9 +93,8 @@ class Bench:
             begun, worked = time.perf_counter(), time.process_time()
             compiled = runtime.compile_seconds
             try:
-                work: Callable[[Scene, list[Place]], dict[str, Any]] = WORK[what]
                 with latest(seconds):
-                    made = work(self.scene(variant), self.places)
+                    made = self._answer(what, self.scene(variant))
             except OutOfTime as error:
                 return {"error": str(error), "seconds": seconds, "worked": seconds}
             except (NoEquilibrium, Diverged, TisoftError) as error:
@@ -121,6 +105,20 @@ class Bench:
             record[what] = made
         found: dict[str, Any] = record[what]
         return found
+
+    def _answer(self, what: str, scene: Scene) -> dict[str, Any]:
+        if what != "static":
+            work: Callable[[Scene, list[Place]], dict[str, Any]] = WORK[what]
+            return work(scene, self.places)
+        made, moved = static_of(scene, self.places, self._finest)
+        is_linear = any(isinstance(body.model, Linear | MassTensor) for body in scene.bodies)
+        if not is_linear and _nodes(moved) >= _nodes(self._finest):
+            self._finest = moved
+        return made
+
+
+def _nodes(answer: AtRest) -> int:
+    return sum(len(u) for _, u in answer)
 
 
 def size_of(scene: Scene, places: list[Place]) -> dict[str, Any]:
@@ -150,40 +148,45 @@ def _front(points: Floats) -> float:
     return 27.0 * len(points) ** 2 * float(extents.prod()) / longest**3
 
 
-def static_of(scene: Scene, places: list[Place]) -> dict[str, Any]:
-    """Displacements at the places [m], and the elastic energy [J], at rest under the loads."""
+def static_of(
+    scene: Scene, places: list[Place], known: AtRest | None = None
+) -> tuple[dict[str, Any], AtRest]:
+    """Displacements at the places [m], and the elastic energy [J], at rest under the loads; and all
+    displacements.
+
+    Args:
+        scene: that is asked about.
+        places: where displacements are told.
+        known: the answer of another mesh, next to which it is sought.
+    """
     from tisoft.equilibrium.statics import equilibrium
 
-    found = equilibrium(scene)
+    guess = [
+        carried(*at_rest, body.mesh.points)
+        for at_rest, body in zip(known or [], scene.bodies, strict=False)
+    ]
+    near = np.concatenate(guess) if guess else None
+    found = equilibrium(scene, near=near, accuracy=ACCURACY)
     ends = np.cumsum([len(body.mesh.points) for body in scene.bodies])[:-1]
     of_bodies = np.split(found.positions, ends)
     moved = [x - body.mesh.points for x, body in zip(of_bodies, scene.bodies, strict=True)]
     elastic = found.energy["elastic"]
     rest = np.concatenate([body.mesh.points for body in scene.bodies])
-    return {
-        "places": _at_places(scene, places, moved),
+    made = {
+        "places": at_places(scene, places, moved),
         "energy": None if elastic is None else float(elastic),
         "turn": _turn(scene, found.positions),
         "most": float(np.linalg.norm(found.positions - rest, axis=1).max()),
         "shape": _rounded(found.positions - rest) if len(rest) <= DRAWN else None,
         "warnings": found.warnings,
     }
+    return made, [(body.mesh.points, u) for body, u in zip(scene.bodies, moved, strict=True)]
 
 
 def linear_static_of(scene: Scene, places: list[Place]) -> dict[str, Any]:
     """The same by linear elasticity, whatever the model."""
     moved, energy = linear_static(scene)
-    return {"places": _at_places(scene, places, moved), "energy": energy}
-
-
-def _at_places(scene: Scene, places: list[Place], moved: list[Floats]) -> list[list[float]]:
-    """Displacements [m] at the places from those of the nodes of each body."""
-    found = []
-    for place in places:
-        mesh, u = scene.bodies[place.body].mesh, moved[place.body]
-        nodes, weights = carrier(mesh, np.array(place.point))
-        found.append((weights @ u[nodes]).tolist())
-    return found
+    return {"places": at_places(scene, places, moved), "energy": energy}
 
 
 def _rounded(u: Floats) -> list[list[float]]:
@@ -261,108 +264,8 @@ def step_of(scene: Scene, places: list[Place]) -> dict[str, Any]:
     return {"step": frame / count, "stable_step": limit, "substeps": count}
 
 
-def timing_of(scene: Scene, places: list[Place]) -> dict[str, Any]:
-    """Seconds of computing a simulated second, by a short real run; whole frames where they are
-    short, else substeps.
-    """
-    from tisoft.simulation import Simulation
-
-    explicit = scene.integrator == "explicit-euler"
-    sim = Simulation(scene, certify=not explicit)
-    frame_time = 1.0 / scene.frame_rate
-    substeps, step = sim.substeps_of(frame_time)
-    limit = sim.limit.sharp()
-    sim.substep(1, 0.0 if explicit else 1e-6 * step)  # compiles
-    count, tried = min(substeps, 64), []
-    for _ in range(3):
-        begun = _stepping(sim)
-        sim.stepper.advance(count, step, sim.gravity_now)
-        tried.append((_stepping(sim) - begun) / count)
-    each = min(tried)
-    if each * substeps < LONGEST_FRAME and not explicit:
-        cost = _by_frames(sim, each * substeps)
-    else:
-        cost = _by_substeps(sim, each, min(substeps, 10_000), step)
-    return {"step": step, "stable_step": float(limit), "cost": cost}
-
-
-def _stepping(sim: Any = None) -> float:
-    """Seconds on a clock that stands still while something is compiled; of a simulation in one
-    thread those of this process, which other programs do not slow down by taking turns.
-    """
-    alone = sim is not None and sim.stepper.pace.most == 1
-    return (time.process_time() if alone else time.perf_counter()) - runtime.compile_seconds
-
-
-def _by_substeps(sim: Any, each: float, most: int, step: float) -> float:
-    """Of substeps that take about `each` seconds, `most` of them at a time at the most."""
-    count = max(1, min(most, int(TIMED / WINDOWS / max(each, 1e-9))))
-    speeds = []
-    for _ in range(WINDOWS):
-        begun = _stepping(sim)
-        sim.stepper.advance(count, step, sim.gravity_now)
-        speeds.append((_stepping(sim) - begun) / (count * step))
-    return min(speeds)
-
-
-def _by_frames(sim: Any, each: float) -> float:
-    """Of frames that take about `each` seconds, some at a time as a run makes them."""
-    rate = float(sim.scene.frame_rate)
-    is_long = each > LONG_FRAME
-    sim.run((1 if is_long else FIRST_FRAMES) / rate)
-    frames = min(max(1, int(TIMED / WINDOWS / max(each, 1e-9))), 600)
-    speeds = []
-    for _ in range(2 if is_long else WINDOWS):
-        begun = _stepping(sim)
-        made = sim.frame
-        while sim.frame < made + frames:
-            if not sim.make_frames(made + frames - sim.frame):
-                sim.step()
-        speeds.append((_stepping(sim) - begun) * rate / frames)
-    return min(speeds)
-
-
-def path_of(scene: Scene, places: list[Place]) -> dict[str, Any]:
-    """Displacements of the places, or of the corners of the bodies' boxes, frame by frame [m]."""
-    from tisoft.simulation import Simulation
-
-    sim = Simulation(scene)
-    watched = [
-        (place.body, *carrier(scene.bodies[place.body].mesh, np.array(place.point)))
-        for place in places or corners_of(scene)
-    ]
-    ends = np.cumsum([0, *(len(body.mesh.points) for body in scene.bodies)])
-    rest = np.concatenate([body.mesh.points for body in scene.bodies])
-    rows: list[list[list[float]]] = []
-    moments = []
-
-    def look(frame: Any) -> None:
-        u = frame.positions() - rest
-        rows.append([(w @ u[ends[body] + nodes]).tolist() for body, nodes, w in watched])
-        moments.append(_stepping())
-
-    sim.run(observers=[look])
-    first = min(FIRST_FRAMES, len(moments) // 2)
-    each = (moments[-1] - moments[first]) / max(1, len(moments) - 1 - first)
-    return {"path": rows, "cost": each * scene.frame_rate}
-
-
-def corners_of(scene: Scene) -> list[Place]:
-    """Where bodies are watched that no probe follows: the nodes nearest to their boxes' corners."""
-    found = []
-    for k, body in enumerate(scene.bodies):
-        points = body.mesh.points
-        low, high = points.min(axis=0), points.max(axis=0)
-        for pick in np.ndindex(2, 2, 2):
-            corner = np.where(pick, high, low)
-            x, y, z = points[np.linalg.norm(points - corner, axis=1).argmin()].tolist()
-            found.append(Place("", k, (x, y, z)))
-    return found
-
-
 WORK: dict[str, Any] = {
     "size": size_of,
-    "static": static_of,
     "linear static": linear_static_of,
     "modes": modes_of,
     "exact modes": exact_modes_of,

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from tisoft import runtime
-from tisoft.charting.records import Bench, Place
+from tisoft.charting.places import Place
+from tisoft.charting.records import Bench
 from tisoft.charting.variants import Variant
 from tisoft.scene import Scene
 from tisoft.sweeping.cluster import each, threads_for

@@ -21,6 +21,7 @@ from tisoft import runtime
 from tisoft.changes import scene_with
 from tisoft.charting import estimate
 from tisoft.charting.asking import Asking
+from tisoft.charting.curves import range_of
 from tisoft.charting.doubting import (
     BY_NUMBERS,
     CONTACT,
@@ -34,7 +35,8 @@ from tisoft.charting.doubting import (
 from tisoft.charting.judged import Judged
 from tisoft.charting.judging import Judging
 from tisoft.charting.linearly import linear_ruler
-from tisoft.charting.records import Bench, places_of
+from tisoft.charting.places import places_of
+from tisoft.charting.records import Bench
 from tisoft.charting.rulers import OWN_HEXES, OWN_SPRINGS, Pair, agreed, pairs_of, ruler_of
 from tisoft.charting.variants import CURRENT, Catalogue, Variant
 from tisoft.errors import SceneError
@@ -50,6 +52,8 @@ QUICK = 0.4
 """The same for advice, and of its whole time, that what is quick takes before a dear ruler."""
 ENOUGH = 0.3
 """Share of the tolerance within which the ruler's bar needs nothing better."""
+DEARER = 1.5
+"""Times the cost of what may keep the tolerance, above which a sharper ruler is worth its time."""
 MOST_OVER = 1.2
 """Times the budget, that the first look may take by what is known before."""
 LAST = 1.15
@@ -136,7 +140,7 @@ class Survey:
                 if tolerance and self._is_hopeless(variant, tolerance):
                     continue
                 self._answers(variant, 0.9 if len(self.judged()) < 2 else share)
-            if tolerance and not any(v.worst.most <= tolerance for v in self.judged()):
+            if tolerance and self._is_blunt(tolerance):
                 for pair in self._pairs()[1:]:  # a sharper ruler may make one certain
                     if self._take(pair, late=True) and pair.better in candidates:
                         self._answers(pair.better, self._share)
@@ -270,6 +274,7 @@ class Survey:
             if needs > alone * (self.budget - self.asking.spent()) and not pair.last:
                 return False
             share = 100.0
+        pair = self._on_curves(pair)
         found = False
         for what in self._quantities():
             answers = self._answers_of(pair, what, share)
@@ -284,6 +289,14 @@ class Survey:
         if found and pair.told:
             self.warn(pair.told)
         return found
+
+    def _on_curves(self, pair: Pair) -> Pair:
+        """The pair, with what is known of curved shapes."""
+        if pair.range_ != estimate.TWO_MESHES or not self.catalogue.is_round:
+            return pair
+        coarse, fine = (self.asking.bench.scene(v) for v in (pair.worse, pair.better))
+        known = range_of(coarse, fine, self.catalogue.varied)
+        return pair if known is None else dataclasses.replace(pair, range_=known, coarser=None)
 
     def _answers_of(self, pair: Pair, what: str, share: float) -> list[Any]:
         """A quantity of a pair's variants, from worse to better; empty where one lacks it."""
@@ -387,6 +400,13 @@ class Survey:
             for v in self.judged()
         )  # fmt: skip
 
+    def _is_blunt(self, tolerance: float) -> bool:
+        """Whether nothing is certain to keep the tolerance, or what may keep it costs far less."""
+        judged = self.judged()
+        certain = [v.cost for v in judged if v.worst.most <= tolerance]
+        likely = [v.cost for v in judged if v.worst.value - v.worst.bar <= tolerance]
+        return not certain or min(certain) > DEARER * min(likely)
+
     def _is_long(self, variant: Variant) -> bool:
         """Whether its static answer takes longer than there is time, and a linear one does not."""
         shared = self.judging.shares_errors(variant)
@@ -401,7 +421,7 @@ class Survey:
         for what in self.judging.rulers:
             found = self.asking.quantity(shared, what, share)
             if found is None and what == "sag" and self.judging.linear is not None:
-                if not self.asking.has("static", shared):  # else it has none
+                if self._is_long(variant):
                     found = self._linearly(shared)
             if found is None:
                 return

@@ -215,6 +215,11 @@ class Catalogue:
         return any(word in self._meshes[i] for i in self.varied for word in CURVED)
 
     @property
+    def is_round(self) -> bool:
+        """Whether that is so of every body that varies."""
+        return all(any(word in self._meshes[i] for word in CURVED) for i in self.varied)
+
+    @property
     def has_solid_twin(self) -> bool:
         """Whether its springs stand for a solid: tets, with stiffnesses from Young's modulus."""
         return self.springs and all(

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from tisoft import runtime
 from tisoft.body import Body
 from tisoft.check.cages import cage_warnings, pin_warnings
 from tisoft.check.contact import folding
@@ -17,6 +18,7 @@ from tisoft.gravity import mainly, strongest
 from tisoft.model.network import triangle_areas
 from tisoft.models.materials import NeoHookean, SolidModel, ViscoElastic
 from tisoft.scene import Obstacle, Plane, Scene, Shell
+from tisoft.touch.touching import touches_itself
 
 Floats = NDArray[np.float64]
 
@@ -45,6 +47,8 @@ def _of_scene(scene: Scene) -> Iterator[str]:
     touching = [body for body in scene.bodies if body.contact]
     if len(touching) > 1 and scene.integrator == "explicit-euler":
         yield "with explicit-euler bodies pass through each other: take symplectic-euler"
+    elif runtime.on_device() and (len(touching) > 1 or any(map(touches_itself, touching))):
+        yield "on a GPU bodies pass through each other and themselves: take --arch cpu"
     faceless = [body.name for body in scene.bodies if not len(body.mesh.surface)]
     for number, obstacle in enumerate(scene.obstacles):
         if isinstance(obstacle, Shell) and scene.integrator == "explicit-euler":

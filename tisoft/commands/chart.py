@@ -11,7 +11,7 @@ from typing import Any
 
 from tisoft import stops
 from tisoft.commands import common
-from tisoft.commands.sweep import add_workers, begin_workers
+from tisoft.commands.sweep import add_workers, check_workers
 from tisoft.errors import SceneError
 from tisoft.folders import ResultFolder
 from tisoft.whole_files import as_json, write_bytes, write_text
@@ -44,7 +44,7 @@ def execute(options: argparse.Namespace) -> int:
     begun = time.perf_counter() - time.process_time()  # the program's start counts too
     if not options.budget > 0.0:
         raise SceneError(f"--budget is {options.budget:g}; give seconds above 0")
-    begin_workers(options)
+    check_workers(options)
     settings = common.settings_of(options)
     owner = common.owner_of(options, "chart", resume=not options.overwrite)
     stop: KeyboardInterrupt | None = None

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tisoft import runtime, stops
-from tisoft.check.warnings import first_warnings
 from tisoft.checks import inside
 from tisoft.errors import Diverged, SceneError
 from tisoft.folders import Owner
@@ -97,6 +96,8 @@ def scene_of(options: argparse.Namespace, *, tell: bool = True) -> Scene:
     """The scene that the command line asks for; what is odd of its meshes is told at once."""
     scene = load_scene(options.scene, _settled(options))
     if tell and not options.quiet:
+        from tisoft.check.warnings import first_warnings  # late: it is slow to import
+
         for warning in first_warnings(scene):
             print(f"tisoft: warning: {warning}", file=sys.stderr)
     if options.precision:
@@ -242,6 +243,8 @@ class Run:
                 print(as_json(result), flush=True)
             elif not options.quiet:
                 print("\n".join([as_text(result), *lines]), flush=True)
+                from tisoft.check.warnings import first_warnings
+
                 told = first_warnings(self.sim.scene)  # by scene_of
                 for warning in result["warnings"] if warn else []:
                     if warning in told:

@@ -43,20 +43,17 @@ def add_workers(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def begin_workers(options: argparse.Namespace) -> None:
-    """Refuse wrong numbers, and let the workers import while this process reads the scene."""
+def check_workers(options: argparse.Namespace) -> None:
+    """Refuse wrong numbers of workers; raises SceneError."""
     if options.workers is not None and options.workers < 1:
         raise SceneError(f"--workers is {options.workers}; give a number of processes, as 2")
     if options.workers is not None and options.scheduler is not None:
         raise SceneError("--workers and --scheduler exclude each other; give one of them")
-    from tisoft.sweeping.cluster import prepare
-
-    prepare(options.workers)
 
 
 def execute(options: argparse.Namespace) -> int:
     """Run the rows and report."""
-    begin_workers(options)
+    check_workers(options)
     from tisoft.sweeping.cluster import threads_for
     from tisoft.sweeping.plan import axes_of_file, axis_of, plan_of
     from tisoft.sweeping.sweep import jobs_of, run_jobs

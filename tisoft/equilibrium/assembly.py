@@ -29,22 +29,33 @@ class Pattern:
 
     def __init__(self, nodes: int, cells: Sequence[Ints]) -> None:
         self.size = 3 * nodes
-        # Every diagonal entry is present, so that nodes without elements can be shifted too.
-        each = np.arange(self.size)
-        rows, columns = [each], [each]
+        # Every diagonal block is present, so that nodes without elements can be shifted too.
+        pairs = [np.arange(nodes) * (nodes + 1)]
         for own in cells:
-            dofs = (3 * own.astype(np.int64)[:, :, None] + np.arange(3)).reshape(len(own), -1)
-            width = dofs.shape[1]
-            rows.append(np.repeat(dofs, width, axis=1).ravel())
-            columns.append(np.tile(dofs, (1, width)).ravel())
-        keys = np.concatenate(columns) * self.size + np.concatenate(rows)
-        known, self._place = np.unique(keys, return_inverse=True)
-        self._rows = known % self.size
-        self._starts = np.searchsorted(known // self.size, np.arange(self.size + 1))
+            corners = own.astype(np.int64)
+            pairs.append((corners[:, None, :] * nodes + corners[:, :, None]).ravel())
+        known, block = np.unique(np.concatenate(pairs), return_inverse=True)
+        columns, rows = np.divmod(known, nodes)
+        starts = np.searchsorted(columns, np.arange(nodes + 1))
+        # Entry (i, j) of a block is in the j-th of the node's three columns, which are as high.
+        height = 3 * np.diff(starts)[columns]
+        first = 9 * starts[columns] + 3 * (np.arange(len(known)) - starts[columns])
+        i, j = np.arange(3)[:, None, None], np.arange(3)
+        every = np.arange(len(known))[:, None, None, None]
+        self._rows = np.empty(9 * len(known), np.int64)
+        self._rows[first[every] + i + j * height[every]] = 3 * rows[every] + i
+        self._starts = np.cumsum([0, *np.repeat(3 * np.diff(starts), 3)])
+        place, at = [np.empty(0, np.int64)], nodes
+        for own in cells:
+            size = own.shape[1]
+            mine = block[at : at + len(own) * size**2].reshape(len(own), size, 1, size, 1)
+            place.append((first[mine] + i + j * height[mine]).ravel())
+            at += mine.size
+        self._place = np.concatenate(place)
 
     def matrix(self, elements: Sequence[Floats]) -> sparse.csc_matrix:
         """Sum of element matrices, shape (cells, 3 corners, 3 corners) for each element."""
-        values = np.concatenate([np.zeros(self.size), *[own.ravel() for own in elements]])
+        values = np.concatenate([np.empty(0), *[own.ravel() for own in elements]])
         data = np.bincount(self._place, values, minlength=len(self._rows))
         shape = (self.size, self.size)
         return sparse.csc_matrix((data, self._rows, self._starts), shape=shape)

@@ -40,10 +40,12 @@ class Balance:
         part: the body.
         time: when loads and pins are looked at [s].
         dead: gravity and other dead forces at factor 1 [N]; the body's own loads come on top.
+        target: out-of-balance forces that end an iteration, as a share of the load.
     """
 
-    def __init__(self, part: Part, time: float, dead: Floats) -> None:
+    def __init__(self, part: Part, time: float, dead: Floats, target: float = TARGET) -> None:
         self.part = part
+        self.target = target
         self.time = time
         self.elastic = operators_of(part)
         self.held = Held(part, time)

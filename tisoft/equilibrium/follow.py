@@ -31,6 +31,8 @@ SHORTEST = 1e-4
 """Load steps below this share of the load reached end the search."""
 FIRST = 1e-8
 """Load steps below this share of the full load end the search at rest."""
+BESIDE = 0.5
+"""Share of the displacements within which an answer is that of a coarser mesh."""
 INCONSISTENT = 1e-3
 """Share of the load that falls on mechanisms, above which the rest shape cannot be left along a
 tangent."""
@@ -47,8 +49,12 @@ class Answer:
     """Whether every small disturbance dies out (True also where that was not looked at)."""
 
 
-def balance_body(balance: Balance) -> Answer:
+def balance_body(balance: Balance, near: Floats | None = None) -> Answer:
     """The body's equilibrium at load factor 1.
+
+    Args:
+        balance: the body.
+        near: displacements [m] that it lies near, as those of a coarser mesh, if at all.
 
     Raises:
         NoEquilibrium: with the last load factor that had one.
@@ -62,6 +68,8 @@ def balance_body(balance: Balance) -> Answer:
         return Answer(Corrected(u, largest(r), reactions), 0, True)
     balance.check_holds()
     solver = Solver(balance)
+    if near is not None and (found := _beside(balance, solver, near)) is not None:
+        return found
     solver.refresh(zero, 0.0)
     if solver.negative or _finds_mechanism(balance, solver):
         if balance.linear:
@@ -72,6 +80,23 @@ def balance_body(balance: Balance) -> Answer:
             )
         return Answer(settle(balance, solver), solver.iterations, True)
     return _follow(balance, solver)
+
+
+def _beside(balance: Balance, solver: Solver, near: Floats) -> Answer | None:
+    """The stable state next to displacements that a coarser mesh came to along its branch; None
+    where there is none, or they are no use."""
+    if balance.linear or balance.held.patches:
+        return None
+    u = np.where(balance.free, near, balance.place(1.0))
+    if not balance.is_admissible(u):
+        return None
+    solver.refresh(u, 1.0)
+    if solver.negative:
+        return None
+    new = correct(balance, solver, u, 1.0, reach=BESIDE * float(np.abs(u).max()))
+    if new is None or np.linalg.norm(new.u - u) > BESIDE * np.linalg.norm(u):
+        return None
+    return Answer(new, solver.iterations, solver.negative == 0)
 
 
 def _finds_mechanism(balance: Balance, solver: Solver) -> bool:

@@ -30,6 +30,8 @@ class Held:
 
     def __init__(self, part: Part, time: float) -> None:
         self.part, self.time = part, time
+        self.dissection: Any = None
+        """How matrices on the unknowns are factorised, once one was; see `frontal`."""
         self.pins: list[tuple[Pin, NDArray[np.int64]]] = []
         """Each with its rows of `mesh.points`."""
         self.patches: list[Patch] = []

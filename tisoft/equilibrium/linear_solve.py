@@ -18,10 +18,11 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse.linalg import LinearOperator, gmres, splu
+from scipy.sparse.linalg import LinearOperator, gmres
 
 from tisoft import runtime
 from tisoft.equilibrium.balance import Balance
+from tisoft.equilibrium.frontal import factorised
 from tisoft.errors import OutOfTime
 
 Floats = NDArray[np.float64]
@@ -131,11 +132,8 @@ class Solver:
         one = sparse.identity(matrix.shape[0], format="csc")
         for _ in range(4):
             try:
-                factor = splu(
-                    (matrix + (shift + least) * one).tocsc(),
-                    permc_spec="MMD_AT_PLUS_A",
-                    diag_pivot_thresh=0.0,
-                    options={"SymmetricMode": True},
+                factor, self.negative = factorised(
+                    matrix + (shift + least) * one, self.balance.held
                 )
             except RuntimeError:  # exactly singular
                 least *= 1e3
@@ -143,7 +141,6 @@ class Solver:
             break
         else:
             raise FloatingPointError("the tangent stiffness is not finite")
-        self.negative = int(np.sum(factor.U.diagonal() < 0.0))
         self._precondition = factor.solve
 
     def _take_blocks(self, u: Floats, shift: float) -> None:

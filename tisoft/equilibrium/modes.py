@@ -15,11 +15,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, sparse
-from scipy.sparse.linalg import ArpackNoConvergence, eigsh, splu
+from scipy.sparse.linalg import ArpackNoConvergence, eigsh
 
 from tisoft import checks
 from tisoft.checks import FieldError
 from tisoft.equilibrium.at_rest import AtRest
+from tisoft.equilibrium.frontal import factorised
 from tisoft.equilibrium.held import Held
 from tisoft.equilibrium.one_thread import one_thread
 from tisoft.equilibrium.operators import Elastic, operators_at_rest, operators_of
@@ -145,21 +146,21 @@ def body_modes(
         values, vectors = linalg.eigh(stiffness.toarray(), inertia.toarray())
         values, vectors = values[:n], vectors[:, :n]
     else:
-        values, vectors = _lowest(stiffness, inertia, n, top)
+        values, vectors = _lowest(stiffness, inertia, n, top, held)
     values = np.where(np.abs(values) < ZERO * top, 0.0, values)
     frequencies = np.sign(values) * np.sqrt(np.abs(values)) / (2.0 * np.pi)
     return frequencies, (held.basis @ vectors).T.reshape(-1, elastic.nodes, 3)
 
 
 def _lowest(
-    stiffness: sparse.csc_matrix, inertia: sparse.csc_matrix, n: int, top: float
+    stiffness: sparse.csc_matrix, inertia: sparse.csc_matrix, n: int, top: float, held: Held
 ) -> tuple[Floats, Floats]:
     """The n lowest ω² [1/s²] and M-normalised vectors, shape (unknowns, n)."""
     shift = SHIFT * top
-    factor, negative = _factorise(stiffness + shift * inertia)
+    factor, negative = factorised(stiffness + shift * inertia, held)
     while negative:  # an unstable state: search from below its lowest
         shift *= 4.0
-        factor, negative = _factorise(stiffness + shift * inertia)
+        factor, negative = factorised(stiffness + shift * inertia, held)
     size = stiffness.shape[0]
     inverse = sparse.linalg.LinearOperator((size, size), matvec=factor.solve, dtype=np.float64)
     rng = np.random.default_rng(0)
@@ -180,19 +181,8 @@ def _lowest(
                 return values[:n], vectors[:, :n]
             # A little above the n-th, where no rounding can decide; how many lie below it?
             bound = values[n - 1] + 1e-6 * (abs(values[n - 1]) + shift)
-            below = _factorise(stiffness - bound * inertia)[1]
+            below = factorised(stiffness - bound * inertia, held)[1]
             if np.sum(values < bound) >= min(below, size - 1):
                 return values[:n], vectors[:, :n]
         wanted = min(size - 2, max(wanted + 8, n + 8))
     raise Diverged(f"the {n} lowest modes did not converge; ask for a few more or fewer")
-
-
-def _factorise(matrix: sparse.csc_matrix) -> tuple[Any, int]:
-    """A factorisation and the count of negative eigenvalues (Sylvester's law of inertia)."""
-    factor = splu(
-        matrix.tocsc(),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    )
-    return factor, int(np.sum(factor.U.diagonal() < 0.0))

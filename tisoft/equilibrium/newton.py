@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tisoft.equilibrium.balance import ACCEPTED, TARGET, Balance, largest
+from tisoft.equilibrium.balance import ACCEPTED, Balance, largest
 from tisoft.equilibrium.linear_solve import Solver
 
 Floats = NDArray[np.float64]
@@ -56,7 +56,7 @@ def correct(
         r, reactions = balance.out_of_balance(u, factor)
         residual, scale = largest(r), balance.scale(u, factor, reactions)
         here = Corrected(u, residual, reactions)
-        if residual <= TARGET * scale:
+        if residual <= balance.target * scale:
             return here
         enough = max(ACCEPTED * scale, solver.rounding(u))
         if best is not None and best.residual <= enough and residual > 0.3 * best.residual:

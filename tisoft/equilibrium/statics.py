@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tisoft import checks, runtime
 from tisoft.energies import Energies
-from tisoft.equilibrium.balance import ACCEPTED, Balance
+from tisoft.equilibrium.balance import ACCEPTED, TARGET, Balance
 from tisoft.equilibrium.follow import Answer, balance_body
 from tisoft.equilibrium.one_thread import one_thread
 from tisoft.errors import SceneError
@@ -25,6 +25,7 @@ from tisoft.model.part import parts_of
 from tisoft.scene import Scene
 
 Floats = NDArray[np.float64]
+PLACES = "a displacement (x, y, z) in m for each node"
 
 
 class HasScene(Protocol):
@@ -68,12 +69,17 @@ def scene_of(scene: Scene | HasScene) -> Scene:
 
 
 @one_thread()
-def equilibrium(scene: Scene | HasScene, *, external: Any = None) -> Equilibrium:
+def equilibrium(
+    scene: Scene | HasScene, *, external: Any = None, near: Any = None, accuracy: float = TARGET
+) -> Equilibrium:
     """The static equilibrium that leads from rest to the loads at t = duration.
 
     Args:
         scene: or a simulation of it, whose present state is not looked at.
         external: further dead forces [N], shape (nodes, 3), in the scene's node order.
+        near: displacements [m], shape (nodes, 3), that it lies near, as those of a coarser mesh;
+            where it does not, it is sought from rest all the same.
+        accuracy: forces out of balance that are small enough, as a share of the load.
 
     Raises:
         NoEquilibrium: when the branch from rest ends before the full load; its `load_factor` is the
@@ -85,6 +91,7 @@ def equilibrium(scene: Scene | HasScene, *, external: Any = None) -> Equilibrium
     parts = parts_of(scene.bodies)
     count = sum(len(part.order) for part in parts)
     extra = _external(external, count)
+    guess = None if near is None else checks.floats("near", near, (count, 3), PLACES)
     positions, reactions = np.zeros((count, 3)), np.zeros((count, 3))
     residual, iterations = 0.0, 0
     elastic, gravity, work = 0.0, 0.0, 0.0
@@ -95,9 +102,10 @@ def equilibrium(scene: Scene | HasScene, *, external: Any = None) -> Equilibrium
     for part in parts:
         own = extra[part.nodes][part.order]
         weight = part.mass[:, None] * gravity_at(scene.gravity, scene.duration)
-        balance = Balance(part, scene.duration, weight + own)
+        balance = Balance(part, scene.duration, weight + own, accuracy)
+        first = None if guess is None else guess[part.nodes][part.order]
         with np.errstate(over="ignore", invalid="ignore"):  # trials that fail may overflow
-            answer = balance_body(balance)
+            answer = balance_body(balance, first)
         u = answer.state.u
         positions[part.nodes][part.order] = part.body.mesh.points[part.order] + u
         reactions[part.nodes][part.order] = answer.state.reactions

@@ -14,6 +14,7 @@ from tisoft.model.state import (
     DONE,
     FIRST,
     LAST,
+    LOADED,
     MOVE,
     PASSES,
     PUSH,
@@ -44,23 +45,32 @@ def make_advance(s: Any) -> Any:
         for i in range(s.state.ranges[scene, 0], s.state.ranges[scene, 1]):
             driving.act(s, scene, i, column)
 
-    @ti.kernel
-    def push(scene: int, number: int, passes: int):
-        for k in ti.static(range(len(s.blocks))):
-            begin = s.blocks[k].part_start[s.state.ranges[scene, 2 + 2 * k]]
-            end = s.blocks[k].part_start[s.state.ranges[scene, 3 + 2 * k]]
-            for b in range(begin, end):
-                forces.batch(s.blocks[k], s.state, s.ledger, b)
-        for i in range(s.state.ranges[scene, 0], s.state.ranges[scene, 1]):
-            if now_of(s, scene, number, passes).loaded:
-                external.press(s.state, i)
-        for _ in range(1):
-            external.draw(s.state, scene)
+    def make_push(loaded: bool, moves: bool) -> Any:
+        """push(scene, number, passes): forces on nodes and, where it `moves` them, steps 2 to 5.
 
-    @ti.kernel
-    def move(scene: int, number: int, passes: int):
-        for i in range(s.state.ranges[scene, 0], s.state.ranges[scene, 1]):
-            node(s, i, now_of(s, scene, number, passes))
+        One launch for all: calling a kernel costs more than what most loops take.
+        """
+
+        @ti.kernel
+        def push(scene: int, number: int, passes: int):
+            first, last = s.state.ranges[scene, 0], s.state.ranges[scene, 1]
+            for k in ti.static(range(len(s.blocks))):
+                begin = s.blocks[k].part_start[s.state.ranges[scene, 2 + 2 * k]]
+                end = s.blocks[k].part_start[s.state.ranges[scene, 3 + 2 * k]]
+                for b in range(begin, end):
+                    forces.batch(s.blocks[k], s.state, s.ledger, b)
+            if ti.static(loaded):
+                for i in range(first, last):
+                    external.press(s.state, i)
+                for _ in range(1):
+                    external.draw(s.state, scene)
+            if ti.static(moves):
+                for i in range(first, last):
+                    node(s, i, now_of(s, scene, number, passes))
+
+        return push
+
+    pushes = {(loaded, moves): make_push(loaded, moves) for loaded in (0, 1) for moves in (0, 1)}
 
     @ti.kernel
     def begin(scene: int, number: int, passes: int):
@@ -103,10 +113,7 @@ def make_advance(s: Any) -> Any:
     def write(scene: int, number: int):
         record.write(s, scene, number)
 
-    def nodes(scene: int, number: int, passes: int) -> None:
-        if s.mass is None:
-            move(scene, number, passes)
-            return
+    def solve(scene: int, number: int, passes: int) -> None:
         begin(scene, number, passes)
         for k in range(s.mass.iterations):
             iterate(scene, k)
@@ -114,20 +121,21 @@ def make_advance(s: Any) -> Any:
 
     def advance(scene: int) -> None:
         orders = s.state.orders
-        passes, last = orders[scene, PASSES], orders[scene, LAST]
+        first, last, passes = (orders[scene, column] for column in (FIRST, LAST, PASSES))
         task = orders[scene, TASK]
+        push = pushes[int(bool(orders[scene, LOADED])), int(task == MOVE and s.mass is None)]
         orders[scene, DONE], orders[scene, TRIPPED] = 0, 0
-        for number in range(orders[scene, FIRST], last):
+        for number in range(first, last):
             if task == MOVE and number % passes == 0:
                 save(scene)
             if task == MOVE and s.driven:
-                turn(scene, number - orders[scene, FIRST])
-                act(scene, number - orders[scene, FIRST])
+                turn(scene, number - first)
+                act(scene, number - first)
             push(scene, number % passes, passes)
-            if task == MOVE:
-                nodes(scene, number % passes, passes)
-                if s.touches:
-                    meet_obstacles(scene, number % passes, passes)
+            if task == MOVE and s.mass is not None:
+                solve(scene, number % passes, passes)
+            if task == MOVE and s.touches:
+                meet_obstacles(scene, number % passes, passes)
             if task != PUSH and (number + 1) % passes == 0:
                 sum_up(scene)
                 write(scene, (number + 1) // passes - 1)
