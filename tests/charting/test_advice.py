@@ -116,11 +116,12 @@ def test_costs_are_predicted_from_what_is_most_alike():
         return Kind(*names, elements, substeps, frame_rate)
 
     tets, twice = kind("tet4", 1000, 6000.0), kind("tet4", 2000, 12000.0)
-    assert predicted(twice, [(tets, 0.3)]) == pytest.approx(1.2, rel=0.05)
     hexes = kind("hex8", 1000, 6000.0)
-    assert predicted(twice, [(tets, 0.3), (hexes, 9.0)]) == pytest.approx(1.2, rel=0.05)
-    watched = kind("tet4", 1000, 6000.0, 60.0), kind("tet4", 2000, 12000.0, 60.0)
-    assert 0.8 < predicted(watched[1], [(watched[0], 0.3)]) < 1.19
+    cost = predicted(tets, [])
+    assert predicted(twice, [(tets, 1.5)]) == pytest.approx(6.0 * cost, rel=0.05)
+    assert predicted(twice, [(tets, 1.5), (hexes, 9.0)]) == pytest.approx(6.0 * cost, rel=0.05)
+    watched = [predicted(kind("tet4", n, 6.0 * n, 60.0), []) for n in (1000, 2000)]
+    assert 2.5 < watched[1] / watched[0] < 3.99
 
 
 def test_paths_that_part_are_noticed():

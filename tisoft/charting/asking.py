@@ -14,6 +14,9 @@ from tisoft.charting.records import Bench
 from tisoft.charting.variants import Variant
 from tisoft.step.pace import CELLS_PER_THREAD
 
+LONGEST = 3.0
+"""Times the budget of advice, after which nothing tells what it is asked."""
+
 
 @dataclass
 class Asking:
@@ -53,7 +56,9 @@ class Asking:
                 return None
             self.tick(variant.name)
             until = min(share, 0.5) if always else share
-            left = 3600.0 if self.patient else max(1.0, until * self.budget - self.spent())
+            left = max(1.0, until * self.budget - self.spent())
+            if self.patient:  # what others take does not count; what leads nowhere shall not last
+                left = LONGEST * self.budget if always else min(2.0 * left, 1.0 + 3.0 * needs)
             found = self.bench.ask(what, variant, left)
             seconds = found["worked" if self.patient else "seconds"]
             kind, size = self._kind(what, variant)
@@ -123,12 +128,20 @@ class Asking:
         if (timed_cost := self.timed(variant)) is not None:
             return timed_cost, True
         timed = [
-            (kind, cost)
+            (kind, slow)
             for other in self.variants
-            if (cost := self.timed(other)) is not None and (kind := self.kind_of(other))
+            if (kind := self.kind_of(other)) and (slow := self.slowness(other, kind)) is not None
         ]
         own = self.kind_of(variant)
         return (predicted(own, timed), False) if own else (float("inf"), False)
+
+    def slowness(self, variant: Variant, kind: Kind) -> float | None:
+        """How slow its substeps were, or its path, against the tables; None where not run."""
+        found = self.known("timing", variant)
+        if found is not None:
+            return float(found["substep"]) / kind.substep()
+        cost = self.timed(variant)
+        return None if cost is None else cost / kind.supposed()
 
     def timed(self, variant: Variant) -> float | None:
         """Seconds of computing a simulated second, in the stretches that a cost is timed in; of the

@@ -7,7 +7,8 @@ second; g is how many more substeps a body of a finite law takes that swings; e 
 element takes in a substep, and in a frame where the stable step is followed; p is how much faster
 several threads are, which wait w for one another.
 Ratios between elements and laws are in the tables below, fitted to bars of 6 to 5,400 cells of each
-element, law and precision; the common scale is that of the timed variant that is most alike.
+element, law and precision; the common scale is that of a substep, of the timed variant that is most
+alike: what else a run takes is its own scene's, and its own mesh's.
 """
 
 from __future__ import annotations
@@ -55,24 +56,31 @@ class Kind:
 
     def supposed(self) -> float:
         """The cost by the tables alone."""
-        words, laws = self.element.split("+"), self.model.split("+")
-        e, c = (
-            max(MODELS.get(law, (1.0, 1.0))[k] for law in laws)
-            * sum(table.get(word, table["hex8"]) for word in words) / len(words)
-            for k, table in enumerate((SUBSTEP, FRAME))
-        )  # fmt: skip
-        if "hex8" in words and "neo-hookean" in laws:
-            e *= NEO_HEX
+        grows = 1.0 if set(self.model.split("+")) <= set(SMALL_STRAINS) else SWINGING
+        frame = self._faster * self.elements * TET * self._ratio(1) + EACH_FRAME
+        return self.substeps * grows * self.substep() + self.frame_rate * frame
+
+    def substep(self) -> float:
+        """Seconds of a substep by the tables alone."""
+        work = self.elements * TET * self._ratio(0)
+        words = self.element.split("+")
+        if "hex8" in words and "neo-hookean" in self.model.split("+"):
+            work *= NEO_HEX
         if self.precision == "f64":
-            e *= DOUBLE_SPRINGS if words == ["spring"] else DOUBLE
-        share = 1.0 / (1.0 + FASTER * (self.threads - 1))
-        work = self.elements * TET
-        substep = work * e + EACH_SUBSTEP
-        if self.threads > 1:
-            substep = min(substep, share * work * e + WAITING)
-        grows = 1.0 if set(laws) <= set(SMALL_STRAINS) else SWINGING
-        frame = share * work * c + EACH_FRAME
-        return self.substeps * grows * substep + self.frame_rate * frame
+            work *= DOUBLE_SPRINGS if words == ["spring"] else DOUBLE
+        alone = work + EACH_SUBSTEP
+        return min(alone, self._faster * work + WAITING) if self.threads > 1 else alone
+
+    def _ratio(self, k: int) -> float:
+        """e (k = 0) or c (1), against the tet's e."""
+        words, table = self.element.split("+"), (SUBSTEP, FRAME)[k]
+        law = max(MODELS.get(word, (1.0, 1.0))[k] for word in self.model.split("+"))
+        return law * sum(table.get(word, table["hex8"]) for word in words) / len(words)
+
+    @property
+    def _faster(self) -> float:
+        """1/p"""
+        return 1.0 / (1.0 + FASTER * (self.threads - 1))
 
     def unlike(self, other: Kind) -> float:
         """How little the other tells of this one."""
@@ -83,8 +91,12 @@ class Kind:
 
 
 def predicted(kind: Kind, timed: list[tuple[Kind, float]]) -> float:
-    """The cost of a kind from those that were timed, with their costs."""
+    """The cost of a kind.
+
+    Args:
+        kind: what decides it.
+        timed: kinds that were timed, with how slow their substeps are against the tables.
+    """
     if not timed:
         return kind.supposed()
-    nearest, cost = min(timed, key=lambda pair: kind.unlike(pair[0]))
-    return kind.supposed() * cost / nearest.supposed()
+    return kind.supposed() * min(timed, key=lambda pair: kind.unlike(pair[0]))[1]

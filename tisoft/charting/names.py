@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from tisoft.charting.chart import Chart
     from tisoft.charting.judged import Judged
 
-MOST = 14
+MOST = 24
 PLACES = (
     (9, 5, "left"), (9, -11, "left"), (-9, 5, "right"), (-9, -11, "right"),
     (12, -3, "left"), (-12, -3, "right"), (0, 12, "center"), (0, -18, "center"),

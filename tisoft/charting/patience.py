@@ -21,7 +21,7 @@ TIMING = {"tet4": 7.0, "tet10": 16.0, "hex8": 12.0, "spring": 4.0}
 """The same for a running scene."""
 TOUCHING = 16.0
 """Seconds more where surfaces touch, for each size of the fields."""
-LARGE = 0.6
+LARGE = 0.9
 """The least slowness that answers of a second or more are foretold with."""
 WARM = 0.2
 """What is left of them where kernels are in the disk cache."""

@@ -31,7 +31,7 @@ from tisoft.version import version
 
 Floats = NDArray[np.float64]
 
-FORM = b"5"
+FORM = b"6"
 """Changes where records hold other things than before."""
 MODES = 3
 """Elastic modes that are compared."""

@@ -15,6 +15,8 @@ from tisoft.scene import Scene
 TIMED, WINDOWS = 0.3, 6
 """Seconds of stepping that a cost is timed in, and parts of it, of which the fastest counts: what
 other programs take comes on top."""
+LAUNCH = 0.02
+"""Seconds of stepping beside which calling a kernel does not count."""
 LONG_FRAME, LONGEST_FRAME = 0.1, 1.0
 """Seconds of computing above which one frame is timed, and above which some of its substeps are."""
 FIRST_FRAMES = 12
@@ -33,17 +35,17 @@ def timing_of(scene: Scene, places: list[Place]) -> dict[str, Any]:
     substeps, step = sim.substeps_of(frame_time)
     limit = sim.limit.sharp()
     sim.substep(1, 0.0 if explicit else 1e-6 * step)  # compiles
-    count, tried = min(substeps, 64), []
-    for _ in range(3):
+    count, each = min(substeps, 16), np.inf
+    for _ in range(4):  # the first ones tell how many make a launch not count
         begun = _stepping(sim)
         sim.stepper.advance(count, step, sim.gravity_now)
-        tried.append((_stepping(sim) - begun) / count)
-    each = min(tried)
+        each = min(each, max(_stepping(sim) - begun, 1e-9) / count)
+        count = min(1000, max(1, int(LAUNCH / each)))
     if each * substeps < LONGEST_FRAME and not explicit:
         cost = _by_frames(sim, each * substeps)
     else:
         cost = _by_substeps(sim, each, min(substeps, 10_000), step)
-    return {"step": step, "stable_step": float(limit), "cost": cost}
+    return {"step": step, "stable_step": float(limit), "cost": cost, "substep": each}
 
 
 def _stepping(sim: Any = None) -> float:

@@ -142,7 +142,7 @@ class Survey:
                 self._answers(variant, 0.9 if len(self.judged()) < 2 else share)
             if tolerance and self._is_blunt(tolerance):
                 for pair in self._pairs()[1:]:  # a sharper ruler may make one certain
-                    if self._take(pair, late=True) and pair.better in candidates:
+                    if self._take(pair, blunt=ENOUGH * tolerance) and pair.better in candidates:
                         self._answers(pair.better, self._share)
         self._widen()
         self.asking.ask("timing", now, 0.97)
@@ -260,13 +260,24 @@ class Survey:
         told = self.asking.bench.record(pair.better).get("static", {}).get("error")
         return f" ({told})" if told else ""
 
-    def _take(self, pair: Pair, *, always: bool = False, late: bool = False) -> bool:
+    def _take(self, pair: Pair, *, always: bool = False, blunt: float | None = None) -> bool:
+        """Let a pair become the ruler; returns whether it told anything.
+
+        Args:
+            pair: of variants.
+            always: whatever its share of the budget.
+            blunt: of the quantities whose bars are wider, the widest first, and late.
+        """
         size = self.asking.size(pair.better)
         if size is None or size["nodes"] > LARGEST_RULER:
             return False
         share = SHARES["ruler"]
-        if late:
+        quantities = self._quantities()
+        if blunt is not None:
             share = self._share
+            bars = {q: r.bar for q, r in self.judging.rulers.items()}
+            quantities = [q for q in quantities if bars.get(q, 1.0) > blunt]
+            quantities.sort(key=lambda q: -bars.get(q, 1.0))
         if always:  # within the whole budget all the same
             needs = sum(self.asking.needs(w, pair.better) for w in self._works())
             has_twin = self.catalogue.is_curved and pair.told is None
@@ -276,7 +287,7 @@ class Survey:
             share = 100.0
         pair = self._on_curves(pair)
         found = False
-        for what in self._quantities():
+        for what in quantities:
             answers = self._answers_of(pair, what, share)
             if len(answers) < 2:
                 continue
@@ -296,7 +307,11 @@ class Survey:
             return pair
         coarse, fine = (self.asking.bench.scene(v) for v in (pair.worse, pair.better))
         known = range_of(coarse, fine, self.catalogue.varied)
-        return pair if known is None else dataclasses.replace(pair, range_=known, coarser=None)
+        if known is None:
+            return pair
+        sizes = [self.asking.bench.ask("size", v)["elements"] for v in (pair.worse, pair.better)]
+        ratio = float(sizes[1] / sizes[0]) ** (1.0 / 3.0)
+        return dataclasses.replace(pair, range_=known, ratio=ratio, coarser=None)
 
     def _answers_of(self, pair: Pair, what: str, share: float) -> list[Any]:
         """A quantity of a pair's variants, from worse to better; empty where one lacks it."""
