@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tisoft.errors import SceneError
-from tisoft.wrapping import keep_wrapped_lines
+from tisoft.reading_kernels import keep_what_is_read
 
 ARCHS = ("cpu", "cuda", "metal", "vulkan", "auto")
 
@@ -34,7 +34,7 @@ def import_taichi() -> Any:
                 "install it with: apt-get install -y libx11-6"
             ) from None
         raise
-    keep_wrapped_lines()
+    keep_what_is_read()
     return taichi
 
 
