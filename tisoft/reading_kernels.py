@@ -28,8 +28,8 @@ def keep_what_is_read() -> None:
     """Have `textwrap` and `inspect` remember from now on."""
     if textwrap.TextWrapper.wrap is _wrap:
         textwrap.TextWrapper.wrap = _wrapped  # type: ignore[assignment, method-assign]
-        inspect.getsourcelines = _lines_of
-        inspect.getsourcefile = _file_of
+        inspect.getsourcelines = _lines_of  # type: ignore[assignment]
+        inspect.getsourcefile = _file_of  # type: ignore[assignment]
 
 
 def _room(kept: dict[Any, Any]) -> dict[Any, Any]:
