@@ -65,8 +65,9 @@ def gap_and_normal(state: ti.template(), row, x):
     """Signed distance [m] from the surface of the obstacle in a row to x, and where it grows."""
     a, b = three(state, row, 0), three(state, row, 3)
     gap, normal = 0.0 * x[0], 0.0 * x
+    own_kind = state.obstacle_kind[row]
     for kind in ti.static(range(len(DISTANCES))):
-        if state.obstacle_kind[row] == kind:
+        if own_kind == kind:
             if ti.static(FRAMED[kind]):
                 c = three(state, row, FRAME)
                 own = turned(-c, x - a)
@@ -97,8 +98,8 @@ def collide(state: ti.template(), i, h, v):
         gap, normal = gap_and_normal(state, row, x)
         w = surface_velocity(state, row, x)
         along = normal.dot(v - w)
-        allowed = -ti.max(gap, 0.0 * gap) / h  # the velocity that just reaches the surface
-        if along < allowed:
+        if h * along < -ti.max(gap, 0.0 * gap):
+            allowed = -ti.max(gap, 0.0 * gap) / h  # the velocity that just reaches the surface
             impulse = allowed - along
             tangential = v - w - along * normal
             speed = tangential.norm()
