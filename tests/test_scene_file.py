@@ -288,6 +288,12 @@ def test_every_selection_motion_load_and_obstacle_is_read(load):
             "yuong",
             "body[0].yuong = 1e6 is not a key that tisoft knows; did you mean young?",
         ),
+        (
+            "young",
+            "translate",
+            "body[0].translate = 1e6 is not a key that tisoft knows; it belongs in mesh, as mesh = "
+            "{ …, translate = … }",
+        ),
         ("duration", "duratoin", "duratoin = 1.0 is not a key that tisoft knows; did you mean dur"),
         ("size", "siz", "body[0].mesh.box.siz = [1, 0.2, 0.2] is not a key that tisoft knows; did"),
         ("force", "forc", "body[0].load[0].forc = [0, -1, 0] is not a key"),

@@ -209,7 +209,8 @@ def _check_size(scene: Scene, mesh: Mesh, field: str) -> None:
 def _model_parameters(table: Any, field: str) -> tuple[str, Table]:
     """The model's name and its parameters, with presets and Lamé constants worked out."""
     every_key = dict.fromkeys(key for model in MODELS.values() for key in field_names(model))
-    check_keys(table, field, (*_BODY, *every_key, *_INSTEAD_OF_YOUNG))
+    known = (*_BODY, *every_key, *_INSTEAD_OF_YOUNG)
+    check_keys(table, field, known, {"mesh": scene_mesh.KEYS})
     with inside(field):
         _check_auto(table)
         kind = checks.choice("model", table.get("model", "viscoelastic"), list(MODELS))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import re
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Self, TypeVar
 
 from tisoft.checks import FieldError, inside, joined, sequence, shown_key, suggestion
@@ -37,14 +37,18 @@ def parse_toml(text: str) -> Table:
     return tomllib.loads(text, parse_float=Written)
 
 
-def check_keys(table: Any, field: str, known: Iterable[str]) -> Table:
-    """The table, whose keys must all be known."""
+def check_keys(
+    table: Any, field: str, known: Iterable[str], inner: Mapping[str, Iterable[str]] | None = None
+) -> Table:
+    """The table, whose keys must all be known; `inner` tells keys of the tables in it."""
     if not isinstance(table, dict):
         raise FieldError(field, "must be a table of keys, as { key = value }", table)
     known = list(known)
     for key, value in table.items():
         if key not in known:
-            problem = f"is not a key that tisoft knows; {suggestion(key, known)}"
+            place = next((name for name, keys in (inner or {}).items() if key in keys), None)
+            meant = f"it belongs in {place}, as {place} = {{ …, {key} = … }}" if place else ""
+            problem = f"is not a key that tisoft knows; {meant or suggestion(key, known)}"
             raise FieldError(joined(field, shown_key(key)), problem, value)
     return table
 

@@ -128,6 +128,8 @@ SHAPES: dict[str, Shape] = {
 }
 
 SOURCES = ("file", *SHAPES, "points")
+KEYS = (*SOURCES, *TRANSFORM, "merge", "refine", "cage", "element")
+"""Of a mesh."""
 
 
 def build_mesh(table: Any, field: str, folder: Path, model: Model) -> Mesh:
@@ -142,7 +144,7 @@ def build_mesh(table: Any, field: str, folder: Path, model: Model) -> Mesh:
     Raises:
         FieldError: the key with its path, its value, and what to do.
     """
-    check_keys(table, field, (*SOURCES, *TRANSFORM, "merge", "refine", "cage", "element"))
+    check_keys(table, field, KEYS)
     source = checks.exactly_one(field, {key: table.get(key) for key in SOURCES})
     with inside(field):
         transform = placing(table)
