@@ -17,6 +17,10 @@ PLACES = (
     (12, -3, "left"), (-12, -3, "right"), (0, 12, "center"), (0, -18, "center"),
 )  # fmt: skip
 """Offsets [pt] from a point, and the side of the text that lies there."""
+ELSEWHERE = 1000
+"""What it counts to be nearer to another point, in places of the line that are crossed."""
+ALIKE = 2.0
+"""Pixels within which two points are one."""
 MARKER, CIRCLE = 6.0, 12.0
 """Half the width of what is drawn at a point [pixels]: of a variant, and of the scene itself."""
 
@@ -41,6 +45,7 @@ def write_names(ax: Any, chart: Chart, line: list[Judged]) -> None:
             covers = sum(box.overlaps(other) for other in taken)
             covers += int(_inside(box, points, sizes).sum()) + (not _within(box, ax))
             crosses = int(_inside(box, dots, np.zeros(len(dots))).sum())
+            crosses += ELSEWHERE * _is_nearer_another(box, points, at[v.name])
             text.set_visible(False)
             if covers == 0 and (best is None or crosses < best[0]):
                 best = crosses, text, box
@@ -61,6 +66,15 @@ def _inside(box: Any, points: Any, sizes: Any) -> Any:
     """Which points' squares overlap a box."""
     x, y = points.T
     return (x + sizes > box.x0) & (x - sizes < box.x1) & (y + sizes > box.y0) & (y - sizes < box.y1)
+
+
+def _is_nearer_another(box: Any, points: Any, own: Any) -> bool:
+    """Whether a name would be read as another point's, which lies nearer or about as near."""
+    ends = np.array([[box.x0, box.y0], [box.x1, box.y1]])
+    off = np.linalg.norm(np.maximum(np.maximum(ends[0] - points, points - ends[1]), 0.0), axis=1)
+    apart = np.linalg.norm(points - own, axis=1) > ALIKE
+    mine = off[~apart].min()
+    return bool((off[apart] < mine + MARKER).any())
 
 
 def _within(box: Any, ax: Any) -> bool:
