@@ -242,10 +242,9 @@ def _costs(whole: Survey, timed: dict[str, float]) -> list[dict[str, Any]]:
         if kind is not None:
             kinds[name] = kind
     first = next(iter(kinds))
-    slow = whole.asking.slowness(whole.judging.named(first), kinds[first])
-    known = [] if slow is None else [(kinds[first], slow)]
     return [
-        {"name": name, "predicted": predicted(kind, known), "timed": timed[name]}
+        {"name": name, "predicted": predicted(kind, [(kinds[first], timed[first])]),
+         "timed": timed[name]}
         for name, kind in kinds.items() if name != first
     ]  # fmt: skip
 

@@ -128,20 +128,12 @@ class Asking:
         if (timed_cost := self.timed(variant)) is not None:
             return timed_cost, True
         timed = [
-            (kind, slow)
+            (kind, cost)
             for other in self.variants
-            if (kind := self.kind_of(other)) and (slow := self.slowness(other, kind)) is not None
+            if (cost := self.timed(other)) is not None and (kind := self.kind_of(other))
         ]
         own = self.kind_of(variant)
         return (predicted(own, timed), False) if own else (float("inf"), False)
-
-    def slowness(self, variant: Variant, kind: Kind) -> float | None:
-        """How slow its substeps were, or its path, against the tables; None where not run."""
-        found = self.known("timing", variant)
-        if found is not None:
-            return float(found["substep"]) / kind.substep()
-        cost = self.timed(variant)
-        return None if cost is None else cost / kind.supposed()
 
     def timed(self, variant: Variant) -> float | None:
         """Seconds of computing a simulated second, in the stretches that a cost is timed in; of the

@@ -7,8 +7,7 @@ second; g is how many more substeps a body of a finite law takes that swings; e 
 element takes in a substep, and in a frame where the stable step is followed; p is how much faster
 several threads are, which wait w for one another.
 Ratios between elements and laws are in the tables below, fitted to bars of 6 to 5,400 cells of each
-element, law and precision; the common scale is that of a substep, of the timed variant that is most
-alike: what else a run takes is its own scene's, and its own mesh's.
+element, law and precision.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ TET = 3.4e-8
 """Seconds of a substep of one linear St. Venant-Kirchhoff tet in f32, where nothing is timed."""
 SUBSTEP = {"tet4": 1.0, "tet10": 4.6, "hex8": 2.6, "spring": 0.4}
 """e of an element, against that tet."""
-FRAME = {"tet4": 11.0, "tet10": 170.0, "hex8": 25.0, "spring": 1.0}
+FRAME = {"tet4": 11.0, "tet10": 120.0, "hex8": 25.0, "spring": 1.0}
 """c of an element, against a substep of that tet."""
 MODELS = {
     "viscoelastic": (1.0, 1.0), "neo-hookean": (0.95, 1.0), "linear": (0.71, 0.5),
@@ -38,6 +37,9 @@ EACH_SUBSTEP, EACH_FRAME = 2.7e-7, 7.7e-5
 """a and b: seconds that a substep and a frame take however few elements there are."""
 FASTER, WAITING = 0.42, 1e-5
 """What each further thread adds to p, and w [s]."""
+
+SAME = 0.1
+"""1/w of a timed variant of another size alone, where the tables' own weight w is 1."""
 
 
 @dataclass(frozen=True)
@@ -91,12 +93,14 @@ class Kind:
 
 
 def predicted(kind: Kind, timed: list[tuple[Kind, float]]) -> float:
-    """The cost of a kind.
+    """The cost of a kind: that of the tables, in the scale of those that were timed, the more alike
+    the more it counts; one that is little alike counts as much as the tables.
 
     Args:
         kind: what decides it.
-        timed: kinds that were timed, with how slow their substeps are against the tables.
+        timed: kinds that were timed, with their costs.
     """
-    if not timed:
-        return kind.supposed()
-    return kind.supposed() * min(timed, key=lambda pair: kind.unlike(pair[0]))[1]
+    weights = [1.0 / (SAME + kind.unlike(other) / 100.0) for other, _ in timed]
+    slow = [math.log(cost / other.supposed()) for other, cost in timed]
+    whole = sum(w * s for w, s in zip(weights, slow, strict=True)) / (1.0 + sum(weights))
+    return kind.supposed() * math.exp(whole)

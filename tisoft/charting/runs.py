@@ -45,7 +45,7 @@ def timing_of(scene: Scene, places: list[Place]) -> dict[str, Any]:
         cost = _by_frames(sim, each * substeps)
     else:
         cost = _by_substeps(sim, each, min(substeps, 10_000), step)
-    return {"step": step, "stable_step": float(limit), "cost": cost, "substep": each}
+    return {"step": step, "stable_step": float(limit), "cost": cost}
 
 
 def _stepping(sim: Any = None) -> float:
