@@ -9,6 +9,7 @@ from typing import Any
 
 import taichi as ti
 
+from tisoft import runtime
 from tisoft.model.state import (
     CHUNK,
     DONE,
@@ -70,7 +71,8 @@ def make_advance(s: Any) -> Any:
 
         return push
 
-    pushes = {(loaded, moves): make_push(loaded, moves) for loaded in (0, 1) for moves in (0, 1)}
+    kinds = [(loaded, moves) for loaded in (0, 1) for moves in (0, 1)]
+    pushes = {kind: runtime.timed(make_push(*kind)) for kind in kinds}
 
     @ti.kernel
     def begin(scene: int, number: int, passes: int):
@@ -112,6 +114,11 @@ def make_advance(s: Any) -> Any:
     @ti.kernel
     def write(scene: int, number: int):
         record.write(s, scene, number)
+
+    # Each is compiled when it is first called, which is not stepping.
+    save, turn, act, begin = (runtime.timed(kernel) for kernel in (save, turn, act, begin))
+    iterate, end, meet_obstacles = (runtime.timed(k) for k in (iterate, end, meet_obstacles))
+    sum_up, write = runtime.timed(sum_up), runtime.timed(write)
 
     def solve(scene: int, number: int, passes: int) -> None:
         begin(scene, number, passes)
