@@ -10,7 +10,7 @@ from typing import Any
 
 from tisoft import checks
 from tisoft.changes import scene_with
-from tisoft.charting.chart import Chart, told
+from tisoft.charting.chart import Chart, percent, told
 from tisoft.charting.doubting import doubts
 from tisoft.charting.estimate import ROUNDING
 from tisoft.charting.judged import Judged
@@ -231,7 +231,7 @@ def _reasons(survey: Survey, chart: Chart, choice: Judged, tolerance: float) -> 
         next_ = min(coarser, key=lambda v: v.worst.most)
         reasons.append(
             f"{_named(next_)} would be cheaper but too coarse: it may err by "
-            f"{100 * next_.worst.most:.2g} %, more than {limit}."
+            f"{percent(next_.worst.most)} %, more than {limit}."
         )
     now = chart.current
     if now.name != choice.name and now.cost > choice.cost:

@@ -114,11 +114,12 @@ class Chart:
 def told(error: Error) -> str:
     """An error with its bar, in per cent."""
     if error.below:
-        return f"less than {_percent(error.most)} %"
-    return f"{_percent(error.value)} % (± {_percent(error.bar)} %)"
+        return f"less than {percent(error.most)} %"
+    return f"{percent(error.value)} % (± {percent(error.bar)} %)"
 
 
-def _percent(share: float) -> str:
+def percent(share: float) -> str:
+    """A share in per cent, to two digits, without an exponent where it is large."""
     return f"{100.0 * share:.2g}" if share < 1.0 else f"{100.0 * share:.0f}"
 
 
