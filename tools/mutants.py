@@ -30,7 +30,7 @@ from tempfile import mkdtemp
 ROOT = Path(__file__).resolve().parents[1]
 
 TESTS = {
-    "laws": ["models", "behaviour/test_followed_step.py", "physics/test_one_tet.py",
+    "laws": ["laws", "models", "behaviour/test_followed_step.py", "physics/test_one_tet.py",
              "physics/test_neo_hookean.py", "dynamics/test_forces.py", "physics"],
     "elements": ["dynamics/test_forces.py", "models", "physics/test_one_tet.py",
                  "physics/test_springs.py", "behaviour", "physics", "dynamics"],

@@ -6,6 +6,7 @@ import taichi as ti
 
 from tisoft import runtime
 from tisoft.laws import base
+from tisoft.laws.neo_hookean import NeoHookean
 
 
 @pytest.fixture(scope="module")
@@ -66,3 +67,39 @@ def test_squares_of_stretches_enclose_those_of_the_strain(found):
     assert (out[sound, 5] <= np.maximum(squares[sound, 0], 0.01) + 1e-9).all()
     near = np.abs(strains[:100]).max(axis=(1, 2)) <= 1.001e-3
     assert near.all() and np.abs(out[:100, 4:] - 1.0).max() < 0.01
+
+
+def test_the_neo_hookean_bound_encloses_the_tangent_and_is_near_it():
+    """Growth b ≥ λ_max(A(U) − A(I)) for stretches U in any directions, and little above it."""
+    rng = np.random.default_rng(5)
+    turned = np.linalg.qr(rng.normal(size=(200, 3, 3)))[0]
+    stretches = rng.uniform(0.5, 1.8, (200, 3))
+    given = np.einsum("nij,nj,nkj->nik", turned, stretches, turned) - np.eye(3)
+    given[0] = 0.0
+    tangents, growth = np.zeros((200, 9, 9)), np.zeros(200)
+    constants = NeoHookean.constants(3e4, 2e4)
+
+    @ti.kernel
+    def compute(given: ti.types.ndarray(), tangents: ti.types.ndarray(), out: ti.types.ndarray()):
+        m = ti.Vector([ti.cast(c, ti.f64) for c in ti.static(constants)])
+        for n in range(given.shape[0]):
+            H = ti.Matrix.zero(ti.f64, 3, 3)
+            for r in range(3):
+                for c in range(3):
+                    H[r, c] = given[n, r, c]
+            out[n] = NeoHookean.stiffening(H, m)[1]
+            for k in range(9):
+                G = ti.Matrix.zero(ti.f64, 3, 3)
+                G[k // 3, k % 3] = 1.0
+                A = NeoHookean.tangent(H, G, m)
+                for r in range(3):
+                    for c in range(3):
+                        tangents[n, 3 * r + c, k] = A[r, c]
+
+    compute(given, tangents, growth)
+    exact = np.linalg.eigvalsh(tangents - tangents[0])[:, -1]
+    stiffer = exact > 1e3
+    assert stiffer.sum() > 50
+    assert (growth >= exact - 1e-3).all()
+    ratio = growth[stiffer] / exact[stiffer]
+    assert np.median(ratio) < 1.01
