@@ -453,6 +453,7 @@ def lines(count, first, length):
     return np.append(0.0, (first * factor ** np.arange(count)).cumsum())
 
 
+@pytest.mark.slow
 def test_two_balls_press_each_other_as_hertz_says():
     """F = 4/3 E* √R* d^(3/2): eight elements in the contact's radius of .05 m; the tets are that
     much too stiff with fewer (1.10 at five, 1.13 at three).
