@@ -1,0 +1,224 @@
+"""What a scene's variants are held against, found while the budget lasts.
+
+A ruler is made of the answers of a pair of variants, the better of which stands for the truth, with
+a bar that tells how far it may be off (`rulers`).  The first pair is asked whatever its share;
+further ones where they are worth their time.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from tisoft.charting import estimate
+from tisoft.charting.asking import Asking
+from tisoft.charting.curves import range_of
+from tisoft.charting.doubting import UNSETTLED
+from tisoft.charting.judging import Judging
+from tisoft.charting.linearly import linear_ruler
+from tisoft.charting.rulers import OWN_HEXES, OWN_SPRINGS, Pair, agreed, pairs_of, ruler_of
+from tisoft.charting.variants import Catalogue, Variant
+from tisoft.errors import SceneError
+
+LARGEST_RULER = 60_000
+"""Nodes of a quadratic mesh that statics and modes are asked of."""
+SHARES = {"ruler": 0.5, "answers": 0.65, "timing": 0.85, "path": 0.95}
+"""Of the budget, at which each stage must be over."""
+RULER_ALONE = 0.8
+"""Of what is left of the budget, that the first ruler may take."""
+QUICK = 0.4
+"""The same for advice, and of its whole time, that what is quick takes before a dear ruler."""
+ENOUGH = 0.3
+"""Share of the tolerance within which the ruler's bar needs nothing better."""
+
+
+@dataclass
+class Ruling:
+    """Finds the rulers of a survey, and gives them to its `judging`."""
+
+    asking: Asking
+    judging: Judging
+    catalogue: Catalogue
+    budget: float
+    """[s]"""
+    patient: bool
+    """Whether it is for advice (see `Survey`)."""
+    warn: Callable[[str], None]
+    vibrates: bool = False
+    """Whether the scene has frequencies."""
+
+    @property
+    def share(self) -> float:
+        """Of the budget, at which static answers and modes must be over."""
+        return 0.95 if self.patient else SHARES["answers"]
+
+    def find(self, tolerance: float) -> None:
+        """The best pair of answers that its share of the budget allows, the first one always; none
+        that is not known yet where the bars are well within the tolerance.
+        """
+        pairs = self.pairs()
+        rulers = self.judging.rulers
+        if not pairs or not self.take(pairs[0], always=True):
+            for pair in pairs_of(self.catalogue, twin=True):
+                self.take(pair, always=not rulers)
+        for pair in pairs[1 : 2 if self.patient and tolerance else None] if rulers else []:
+            is_new = not self.asking.has("static", pair.better)
+            if not (is_new and max(r.bar for r in rulers.values()) <= ENOUGH * tolerance):
+                self.take(pair)
+        if not rulers:
+            raise SceneError(self._no_ruler(pairs))
+        for missing in set(self.quantities()) - set(rulers):
+            self.warn(f"{missing} is left out: the ruler has no answer for it{self._why(missing)}")
+
+    def _no_ruler(self, pairs: Sequence[Pair]) -> str:
+        """Why nothing can be held against anything."""
+        if not pairs:
+            return (
+                "the scene cannot be charted: none of its bodies can be varied, as those of tets, "
+                "of shapes, of cages and of springs from Young's modulus can"
+            )
+        size = self.asking.size(pairs[0].better)
+        if size is not None and size["nodes"] > LARGEST_RULER:
+            return (
+                f"the mesh is too large for a ruler: quadratic tets would have {size['nodes']} "
+                f"nodes, more than {LARGEST_RULER}, and it has no coarser twin; take a coarser mesh"
+            )
+        needs = sum(self.asking.needs(what, pairs[0].better) for what in self._works())
+        whole = math.ceil(1.2 * (self.asking.spent() + needs / RULER_ALONE))
+        return (
+            f"the budget is too small for the ruler of this scene; give {whole} s or more, or take "
+            "a coarser mesh"
+        )
+
+    def quantities(self) -> list[str]:
+        """Which of sag and frequency the scene has."""
+        if self.catalogue.is_itself:
+            return []
+        has = {"sag": self.judging.static, "frequency": self.vibrates}
+        return [what for what, own in has.items() if own]
+
+    def _works(self) -> list[str]:
+        """What is asked of a ruler."""
+        works = {"sag": "static", "frequency": "exact modes"}
+        return [works[what] for what in self.quantities()]
+
+    def _why(self, missing: str) -> str:
+        """What quadratic tets said instead of an answer."""
+        pair = next(iter(self.pairs()), None)
+        if pair is None or missing != "sag":
+            return ""
+        told = self.asking.bench.record(pair.better).get("static", {}).get("error")
+        return f" ({told})" if told else ""
+
+    def take(self, pair: Pair, *, always: bool = False, blunt: float | None = None) -> bool:
+        """Let a pair become the ruler; returns whether it told anything.
+
+        Args:
+            pair: of variants.
+            always: whatever its share of the budget.
+            blunt: of the quantities whose bars are wider, the widest first, and late.
+        """
+        size = self.asking.size(pair.better)
+        if size is None or size["nodes"] > LARGEST_RULER:
+            return False
+        share = SHARES["ruler"]
+        quantities = self.quantities()
+        if blunt is not None:
+            share = self.share
+            bars = {q: r.bar for q, r in self.judging.rulers.items()}
+            quantities = [q for q in quantities if bars.get(q, 1.0) > blunt]
+            quantities.sort(key=lambda q: -bars.get(q, 1.0))
+        if always:  # within the whole budget all the same
+            needs = sum(self.asking.needs(w, pair.better) for w in self._works())
+            has_twin = self.catalogue.is_curved and pair.told is None
+            alone = QUICK if self.patient and has_twin else RULER_ALONE
+            if needs > alone * (self.budget - self.asking.spent()) and not pair.last:
+                return False
+            share = 100.0
+        pair = self._on_curves(pair)
+        found = False
+        for what in quantities:
+            answers = self._answers_of(pair, what, share)
+            if len(answers) < 2:
+                continue
+            made = ruler_of(what, answers, pair)
+            old = self.judging.rulers.get(what)
+            best = self.judging.rulers[what] = made if old is None else agreed(old, made)
+            if best is not old:
+                self.judging.on_one_mesh[what] = pair.range_ == estimate.SAME_MESH
+            found = True
+        if found and pair.told:
+            self.warn(pair.told)
+        return found
+
+    def _on_curves(self, pair: Pair) -> Pair:
+        """The pair, with what is known of curved shapes."""
+        if pair.range_ != estimate.TWO_MESHES or not self.catalogue.is_round:
+            return pair
+        coarse, fine = (self.asking.bench.scene(v) for v in (pair.worse, pair.better))
+        known = range_of(coarse, fine, self.catalogue.varied)
+        if known is None:
+            return pair
+        sizes = [self.asking.bench.ask("size", v)["elements"] for v in (pair.worse, pair.better)]
+        ratio = float(sizes[1] / sizes[0]) ** (1.0 / 3.0)
+        return dataclasses.replace(pair, range_=known, ratio=ratio, coarser=None)
+
+    def _answers_of(self, pair: Pair, what: str, share: float) -> list[Any]:
+        """A quantity of a pair's variants, from worse to better; empty where one lacks it."""
+        variants = (pair.worse, pair.better)
+        two = [self.asking.quantity(v, what, share, exact=True) for v in variants]
+        if any(a is None or np.shape(a) != np.shape(two[-1]) for a in two):
+            return []
+        if pair.coarser is not None:
+            third = self.asking.quantity(pair.coarser, what, share, exact=True)
+            if third is not None and np.shape(third) == np.shape(two[0]):
+                return [third, *two]
+        return two
+
+    def widen(self) -> None:
+        """A ruler of the scene's own element on a finer mesh tells no more than meshes settle."""
+        if not any(pair.told in (OWN_SPRINGS, OWN_HEXES) for pair in self.pairs()):
+            return
+        has = self.catalogue.elements()[0]
+        rows = sorted(
+            (v for v in self.judging.judged() if v.element == has), key=lambda v: v.elements
+        )
+        for what, ruler in self.judging.rulers.items():
+            errors = [v.errors[what].value for v in rows if what in v.errors]
+            grows = max((fine - coarse for coarse, fine in pairwise(errors)), default=0.0)
+            if grows > ruler.bar:
+                self.judging.rulers[what] = dataclasses.replace(ruler, bar=grows)
+                self.warn(f"{what}{UNSETTLED}")
+
+    def pairs(self) -> list[Pair]:
+        """Those that may become the ruler."""
+        return list(pairs_of(self.catalogue, twin=False))
+
+    def find_linear(self) -> None:
+        """Linear elasticity on the meshes of the ruler, for variants whose static answer takes
+        longer than there is time."""
+        now = self.catalogue.current
+        sag, own = self.judging.rulers.get("sag"), self.asking.quantity(now, "sag")
+        linear = self.linearly(now)
+        if sag is None or own is None or linear is None:
+            return
+        rulers = []
+        for pair in self.pairs():
+            if self.asking.known("static", pair.better) and pair.told is None:
+                worse, better = self.linearly(pair.worse), self.linearly(pair.better)
+                if worse is not None and better is not None:
+                    rulers.append(ruler_of("sag", [worse, better], pair))
+        if rulers:
+            best = min(rulers, key=lambda ruler: ruler.bar)
+            self.judging.linear = linear_ruler(best, sag.error(own), linear)
+
+    def linearly(self, variant: Variant) -> Any:
+        """Sag as linear elasticity has it."""
+        found = self.asking.ask("linear static", variant, self.share)
+        return None if found is None else self.asking.sag_of(found)
