@@ -38,9 +38,10 @@ from tisoft.step.pins import Holder
 from tisoft.step.schedule import Acting, Schedule, obstacle_signal
 from tisoft.step.stepper import Rules, Stepper
 from tisoft.touch import easing
+from tisoft.touch.meetings import stands
 from tisoft.touch.overlap import stuck
 from tisoft.touch.starts import unseen
-from tisoft.touch.touching import stands, touching_of
+from tisoft.touch.touching import touching_of
 
 Floats = NDArray[np.float64]
 
@@ -214,7 +215,7 @@ class Present:
         fall = 0.5 * time * time * strongest(self.scene.gravity)
         reach = [p.size + time * float(speed[p.nodes].max()) + fall for p in self.system.parts]
         times = (self.time, self.time + time)
-        self.meets = self.touching.may_meet(self.system.world(), np.array(reach), times)
+        self.meets = self.touching.meetings.may_meet(self.system.world(), np.array(reach), times)
 
     def _set_start(self) -> None:
         """Initial velocities: v + ω × (x − centre of mass)."""
@@ -284,7 +285,7 @@ class Present:
         if touching is None:
             return
         deep = []
-        if self.meets and touching.may_overlap(world, self.time):
+        if self.meets and touching.meetings.may_overlap(world, self.time):
             deep = easing.measured(touching, self.stepper.find_depths)
         if deep:
             seconds = [
@@ -300,7 +301,7 @@ class Present:
             if not self.frame:
                 raise stuck(name, number, depth)
             self.watch.note_stuck(name, f"obstacle[{number}]", (depth, self.time))
-        for name, other, depth in touching.overlaps(deep):
+        for name, other, depth in touching.meetings.overlaps(deep):
             assert self._easing is not None
             self.watch.note_push(name, other, 0, (depth, self.time, self._easing.seconds))
 
@@ -322,7 +323,7 @@ class Present:
         """
         speeds = np.repeat(np.array(self.pushes)[:, None], len(self._obstacles), axis=1)
         if self._easing is not None and self.touching is not None:
-            for part, number in self.touching.cores_in(self._easing.deep):
+            for part, number in self.touching.meetings.cores_in(self._easing.deep):
                 speeds[part.index, number] = 0.0
         return speeds
 

@@ -27,7 +27,7 @@ def contact_report(sim: Any) -> dict[str, dict[str, Any]]:
     if sim.touching is None:
         return {}
     found = {}
-    for toucher, names, faces in sim.touching.partners():
+    for toucher, names, faces in sim.touching.meetings.partners():
         found[toucher.name] = {
             "thickness": toucher.thickness,
             "edge": toucher.surface.edge,

@@ -18,7 +18,7 @@ from tisoft.gravity import mainly, strongest
 from tisoft.model.network import triangle_areas
 from tisoft.models.materials import NeoHookean, SolidModel, ViscoElastic
 from tisoft.scene import Obstacle, Plane, Scene, Shell
-from tisoft.touch.touching import touches_itself
+from tisoft.touch.toucher import touches_itself
 
 Floats = NDArray[np.float64]
 

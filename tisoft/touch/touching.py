@@ -1,18 +1,15 @@
-"""What a scene has of contact: which bodies may touch, their surfaces in fields, when to search.
+"""What a scene has of contact in fields: surfaces, who may touch whom (`meetings`), lengths.
 
 Lengths are shares of the bodies' own: nothing is absolute.
 
 | what                     | share                                              |
 | ------------------------ | -------------------------------------------------- |
-| thickness of a body      | THICKNESS of its median edge: solids, sheets       |
 | margin of a search       | MARGIN, least and most, of the shortest edge       |
 | residual ending sweeps   | TOLERANCE of the least thickness                   |
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,93 +18,27 @@ from numpy.typing import NDArray
 from tisoft import runtime
 from tisoft.checks import FieldError
 from tisoft.model.arena import Lease
-from tisoft.model.part import Part
 from tisoft.model.state import TOUCH_SCENE
 from tisoft.model.system import System
-from tisoft.models.materials import MassSpring
 from tisoft.obstacles import Shell
 from tisoft.touch import fields as f
-from tisoft.touch import overlap
 from tisoft.touch.fields import Touch
+from tisoft.touch.meetings import Meetings, stands
 from tisoft.touch.patches import patches_of, ranges_of, sorted_surface
-from tisoft.touch.standing import SKIN, Standing, standings_of
-from tisoft.touch.surface import Surface, surface_of
+from tisoft.touch.standing import SKIN, standings_of
+from tisoft.touch.surface import Surface
+from tisoft.touch.toucher import toucher_of, touches_itself
 
 Floats = NDArray[np.float64]
 
-THICKNESS = {True: 0.05, False: 0.1}
 MARGIN = (0.25, 1.5)
-THINNEST = 0.02
-"""Of the median edge: less than what the sweeps leave over would let surfaces through."""
 TOLERANCE = 0.02
 FINER = 0.5
 """Of that where there are cores: bodies keep no distance to those."""
 SELF_REACH = 0.65
 """Of an edge: a flat sheet has no candidate with itself within it."""
-INSIDE = 0.01
-"""Of the distance that is kept: as deep inside of another one is told."""
-FOLDED = 0.5
-"""Cosine of the angle to its mean normal up to which a sheet has not begun to fold."""
 PAIRS_A_POINT = 24
 """Room for candidates; where they find none, the margin is halved."""
-
-
-@dataclass(frozen=True, eq=False)
-class Toucher:
-    """A body as contact sees it."""
-
-    part: Part
-    surface: Surface
-    thickness: float
-    """[m]"""
-    friction: float
-    self_contact: bool
-    meets_others: bool
-    """Whether it touches other bodies; else obstacles alone."""
-
-    @property
-    def name(self) -> str:
-        """The body's."""
-        return self.part.body.name
-
-    def may_fold(self, world: Floats) -> bool:
-        """Whether it may touch itself soon.  A sheet that nobody has said to touch itself has not
-        begun to fold while all its normals look to one side.
-
-        Args:
-            world: positions of all nodes [m], inside order.
-        """
-        if self.part.body.self_contact or not self.self_contact:
-            return self.self_contact
-        a, b, c = world[self.part.nodes][self.surface.points][self.surface.triangles.T]
-        normal = np.cross(b - a, c - a)
-        along = normal @ normal.sum(axis=0)
-        size = np.linalg.norm(normal, axis=1) * np.linalg.norm(normal.sum(axis=0))
-        return bool((along < FOLDED * size).any())
-
-
-def touches_itself(body: Any) -> bool:
-    """Whether a body's surface does: as its key says, else sheets of springs, which have a rim."""
-    if body.self_contact is not None:
-        return bool(body.self_contact)
-    surface = np.asarray(body.mesh.surface)
-    if not isinstance(body.model, MassSpring) or not len(surface):
-        return False
-    sides = np.sort(surface[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    return bool((np.unique(sides, axis=0, return_counts=True)[1] == 1).any())
-
-
-def toucher_of(part: Part) -> Toucher | None:
-    """The body, or None where it has no surface."""
-    body = part.body
-    triangles = part.rank[np.asarray(body.mesh.surface)]
-    if not len(triangles):
-        return None
-    surface = surface_of(triangles, part.rest, float(part.volume.sum()))
-    thickness = body.thickness or THICKNESS[surface.is_solid] * surface.edge
-    thickness = max(thickness, THINNEST * surface.edge)
-    own = body.contact and touches_itself(body)
-    return Toucher(part, surface, thickness, body.friction, own, body.contact)
 
 
 class Touching:
@@ -115,28 +46,19 @@ class Touching:
 
     Args:
         system: the bodies in fields.
-        touchers: those that may touch something.
-        apart: pairs of names that do not touch each other.
-        standings: obstacles that faces may meet.
+        meetings: who may touch whom.
     """
 
-    def __init__(
-        self,
-        system: System,
-        touchers: Sequence[Toucher],
-        apart: Sequence[tuple[str, str]],
-        standings: Sequence[Standing],
-    ) -> None:
+    def __init__(self, system: System, meetings: Meetings) -> None:
         self.system = system
-        self.touchers = list(touchers)
-        self.standings = list(standings)
-        self.owners = [s for s in self.standings for _ in s.patches]
-        """The obstacle of each body beyond the touchers."""
+        self.meetings = meetings
+        self.touchers, self.standings = meetings.touchers, meetings.standings
+        self.owners = meetings.owners
         self._surfaces, self._patches = self._sorted()
         self.lease = self._lend()
         self._write_points()
         self._write_patches()
-        self._write_bodies(apart)
+        self._write_bodies()
         self._write_scene()
         self.place_origins()
 
@@ -256,7 +178,7 @@ class Touching:
         rows["edges"] += len(s.edges)
         return s.fan_start[:-1] + fan
 
-    def _write_bodies(self, apart: Sequence[tuple[str, str]]) -> None:
+    def _write_bodies(self) -> None:
         count = len(self.touchers)
         traits = np.zeros((len(self.ranges), f.TRAITS), np.int32)
         numbers = np.zeros((len(self.ranges), f.NUMBERS))
@@ -283,41 +205,13 @@ class Touching:
                 traits[k, f.SOLID] = 1
                 numbers[k, f.DEPTH] = standing.surface.depth
                 numbers[k, f.SHARE] = SKIN
-        self._may = self._who_may(apart)
-        starts = self.lease.starts
+        starts, may = self.lease.starts, self.meetings.may
         self.fields.write_bodies(
-            starts["bodies"], traits, self._reals(numbers), starts["couples"], self._may.ravel()
-        )
-
-    def _who_may(self, apart: Sequence[tuple[str, str]]) -> NDArray[np.int32]:
-        """Whether two of the bodies and obstacles may touch."""
-        names = [toucher.name for toucher in self.touchers]
-        meets = [toucher.meets_others for toucher in self.touchers]
-        may = np.zeros((len(self.ranges), len(self.ranges)), np.int32)
-        may[: len(names), : len(names)] = np.outer(meets, meets)
-        np.fill_diagonal(may[: len(names), : len(names)], [t.self_contact for t in self.touchers])
-        for pair in apart:
-            a, b = (names.index(name) if name in names else None for name in pair)
-            if a is not None and b is not None:
-                may[a, b] = may[b, a] = 0
-        for k, standing in enumerate(self.owners, len(names)):
-            for i, toucher in enumerate(self.touchers):
-                # A carried surface meets what has a distance by itself.
-                may[i, k] = may[k, i] = standing.is_met_by_nodes or not toucher.part.touches
-        return may
-
-    def check_apart(self) -> None:
-        """Refuse bodies that start deep inside each other or inside of closed triangles."""
-        solid = [s for s in self.standings if s.is_met_by_nodes and s.surface is not None]
-        names = [repr(toucher.name) for toucher in self.touchers]
-        own = [len(names) + self.owners.index(s) for s in solid]
-        rows = [*range(len(names)), *own]
-        places = [t.part.rest[t.surface.points] + t.part.origin for t in self.touchers]
-        overlap.check_apart(
-            [*names, *[f"obstacle[{s.number}]" for s in solid]],
-            [*[t.surface for t in self.touchers], *[s.surface for s in solid if s.surface]],
-            [*places, *[s.rest for s in solid]],
-            self._may[np.ix_(rows, rows)],
+            starts["bodies"],
+            traits,
+            self._reals(numbers),
+            starts["couples"],
+            may.ravel(),
         )
 
     def _write_scene(self) -> None:
@@ -355,83 +249,6 @@ class Touching:
             most = max(SELF_REACH * min(own) - max(thick), 0.1 * edge)
             length[f.LEAST : f.MOST + 1] = np.minimum(length[f.LEAST : f.MOST + 1], most)
         return length
-
-    def may_meet(self, world: Floats, reach: Floats, times: Sequence[float]) -> bool:
-        """Whether bodies, a sheet and itself, or faces and obstacles may touch soon.
-
-        Args:
-            world: positions of all nodes [m], inside order.
-            reach: how far each body of the scene may come meanwhile [m].
-            times: now and then [s].
-        """
-        if any(toucher.may_fold(world) for toucher in self.touchers):
-            return True
-        parts = [toucher.part for toucher in self.touchers]
-        far = np.array([reach[part.index] for part in parts])[:, None]
-        low = np.array([world[part.nodes].min(axis=0) for part in parts]) - far
-        high = np.array([world[part.nodes].max(axis=0) for part in parts]) + far
-        meet = ((low[:, None] <= high) & (low <= high[:, None])).all(axis=2)
-        np.fill_diagonal(meet, False)
-        count = len(parts)
-        if (meet & (self._may[:count, :count] != 0)).any():
-            return True
-        for standing in self.standings:
-            k = count + self.owners.index(standing)
-            lo, hi = standing.boxes(times)
-            near = ((low[:, None] <= hi) & (lo <= high[:, None])).all(axis=2).any(axis=1)
-            if (near & (self._may[:count, k] != 0)).any():
-                return True
-        return False
-
-    def may_overlap(self, world: Floats, time: float) -> bool:
-        """Whether some of what may touch may be nearer at `time` [s] than it keeps (`may_meet`)."""
-        thick = max(toucher.thickness for toucher in self.touchers)
-        if self.may_meet(world, np.full(len(self.system.parts), thick), [time]):
-            return True
-        return any(
-            (standing.depths(world[toucher.part.nodes][toucher.surface.points], time) > 0.0).any()
-            for standing in self.standings
-            for toucher in self.touchers
-            if standing.is_met_by_nodes
-        )
-
-    def overlaps(self, deep: Sequence[tuple[int, int, float]]) -> list[tuple[str, str, float]]:
-        """A body's name, another one's or an obstacle's, and how deep they are in each other [m],
-        where that is deeper than the distance that they keep.
-
-        Args: deep: two of `ranges` and their depth below that distance [m].
-        """
-        found = []
-        count = len(self.touchers)
-        for b, c, depth in deep:
-            own = self.touchers[b]
-            if c < count:
-                kept = 0.5 * (own.thickness + self.touchers[c].thickness)
-                other = f'body "{self.touchers[c].name}"'
-            else:
-                standing = self.owners[c - count]
-                kept = 0.0 if standing.surface is None else 0.5 * SKIN * own.thickness
-                other = f"obstacle[{standing.number}]"
-            if depth > (1.0 + INSIDE) * kept and b != c:
-                found.append((own.name, other, depth - kept))
-        return found
-
-    def cores_in(self, deep: Sequence[tuple[int, int, float]]) -> list[tuple[Part, int]]:
-        """Bodies and the numbers of obstacles whose cores are among those in each other."""
-        count = len(self.touchers)
-        owners = [(b, self.owners[c - count]) for b, c, _ in deep if c >= count]
-        return [(self.touchers[b].part, s.number) for b, s in owners if s.surface is None]
-
-    def partners(self) -> list[tuple[Toucher, list[str], list[int]]]:
-        """Each body with the names of others and the numbers of obstacles that its surface may
-        touch.
-        """
-        count, found = len(self.touchers), []
-        for k, toucher in enumerate(self.touchers):
-            others = [t.name for i, t in enumerate(self.touchers) if i != k and self._may[k, i]]
-            met = [s.number for i, s in enumerate(self.owners, count) if self._may[k, i]]
-            found.append((toucher, others, sorted(set(met))))
-        return found
 
     def end(self) -> None:
         """Give its rows back: another one takes its place."""
@@ -476,11 +293,6 @@ def _raised(values: NDArray[np.int32], by: int) -> NDArray[np.int32]:
     return _ints(np.where(values >= 0, values + by, -1))
 
 
-def stands(obstacle: Any) -> bool:
-    """Whether faces may meet it, not nodes alone."""
-    return obstacle.core() is not None or obstacle.corners(1.0) is not None
-
-
 def touching_of(scene: Any, system: System, *, fresh: bool = True) -> Touching | None:
     """What of a scene's bodies may touch, each other, themselves or obstacles; None where nothing
     can but nodes and obstacles.
@@ -515,7 +327,8 @@ def touching_of(scene: Any, system: System, *, fresh: bool = True) -> Touching |
         found = [toucher for toucher in found if toucher.meets_others]
         if len(found) < 2 and not any(toucher.self_contact for toucher in found):
             return None
-    touching = Touching(system, found, [pair.bodies for pair in scene.no_contact], standings)
+    meetings = Meetings(found, [pair.bodies for pair in scene.no_contact], standings)
+    touching = Touching(system, meetings)
     if fresh:
-        touching.check_apart()
+        meetings.check_apart()
     return touching

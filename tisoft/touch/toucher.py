@@ -1,0 +1,80 @@
+"""A body as contact sees it: its surface, how thick it is, whether it touches itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tisoft.model.part import Part
+from tisoft.models.materials import MassSpring
+from tisoft.touch.surface import Surface, surface_of
+
+Floats = NDArray[np.float64]
+
+THICKNESS = {True: 0.05, False: 0.1}
+"""Of a body's median edge, by whether it is solid (else a sheet)."""
+THINNEST = 0.02
+"""Of the median edge: less than what the sweeps leave over would let surfaces through."""
+FOLDED = 0.5
+"""Cosine of the angle to its mean normal up to which a sheet has not begun to fold."""
+
+
+@dataclass(frozen=True, eq=False)
+class Toucher:
+    """A body as contact sees it."""
+
+    part: Part
+    surface: Surface
+    thickness: float
+    """[m]"""
+    friction: float
+    self_contact: bool
+    meets_others: bool
+    """Whether it touches other bodies; else obstacles alone."""
+
+    @property
+    def name(self) -> str:
+        """The body's."""
+        return self.part.body.name
+
+    def may_fold(self, world: Floats) -> bool:
+        """Whether it may touch itself soon.  A sheet that nobody has said to touch itself has not
+        begun to fold while all its normals look to one side.
+
+        Args:
+            world: positions of all nodes [m], inside order.
+        """
+        if self.part.body.self_contact or not self.self_contact:
+            return self.self_contact
+        a, b, c = world[self.part.nodes][self.surface.points][self.surface.triangles.T]
+        normal = np.cross(b - a, c - a)
+        along = normal @ normal.sum(axis=0)
+        size = np.linalg.norm(normal, axis=1) * np.linalg.norm(normal.sum(axis=0))
+        return bool((along < FOLDED * size).any())
+
+
+def touches_itself(body: Any) -> bool:
+    """Whether a body's surface does: as its key says, else sheets of springs, which have a rim."""
+    if body.self_contact is not None:
+        return bool(body.self_contact)
+    surface = np.asarray(body.mesh.surface)
+    if not isinstance(body.model, MassSpring) or not len(surface):
+        return False
+    sides = np.sort(surface[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    return bool((np.unique(sides, axis=0, return_counts=True)[1] == 1).any())
+
+
+def toucher_of(part: Part) -> Toucher | None:
+    """The body, or None where it has no surface."""
+    body = part.body
+    triangles = part.rank[np.asarray(body.mesh.surface)]
+    if not len(triangles):
+        return None
+    surface = surface_of(triangles, part.rest, float(part.volume.sum()))
+    thickness = body.thickness or THICKNESS[surface.is_solid] * surface.edge
+    thickness = max(thickness, THINNEST * surface.edge)
+    own = body.contact and touches_itself(body)
+    return Toucher(part, surface, thickness, body.friction, own, body.contact)
