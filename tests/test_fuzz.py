@@ -316,7 +316,7 @@ def laboratory(tmp_path_factory):
 
 
 FULL = settings(
-    max_examples=20 if THOROUGH == 1 else 500 * THOROUGH,
+    max_examples=13 if THOROUGH == 1 else 500 * THOROUGH,
     deadline=None,
     derandomize=True,
     database=None,

@@ -23,6 +23,7 @@ from tisoft.charting.picture import files
 from tisoft.charting.places import Place
 from tisoft.charting.records import linear_static_of, static_of
 from tisoft.charting.rulers import Pair, agreed, ruler_of
+from tisoft.charting.ruling import Ruling
 from tisoft.charting.survey import Survey
 from tisoft.charting.thumbnails import picture
 from tisoft.charting.variants import Catalogue
@@ -301,7 +302,7 @@ def test_an_early_interrupt_keeps_and_tells_what_is_known(scene, tmp_path, capsy
     def stopped(self, tolerance):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Survey, "_find_rulers", stopped)
+    monkeypatch.setattr(Ruling, "find", stopped)
     out = tmp_path / "out"
     assert cli.main(["chart", str(scene), "-o", str(out)]) == 130
     told = capsys.readouterr()

@@ -18,7 +18,6 @@ from tisoft.gravity import mainly, strongest
 from tisoft.model.network import triangle_areas
 from tisoft.models.materials import NeoHookean, SolidModel, ViscoElastic
 from tisoft.scene import Obstacle, Plane, Scene, Shell
-from tisoft.touch.toucher import touches_itself
 
 Floats = NDArray[np.float64]
 
@@ -47,7 +46,7 @@ def _of_scene(scene: Scene) -> Iterator[str]:
     touching = [body for body in scene.bodies if body.contact]
     if len(touching) > 1 and scene.integrator == "explicit-euler":
         yield "with explicit-euler bodies pass through each other: take symplectic-euler"
-    elif runtime.on_device() and (len(touching) > 1 or any(map(touches_itself, touching))):
+    elif runtime.on_device() and _may_touch(touching):
         yield "on a GPU bodies pass through each other and themselves: take --arch cpu"
     faceless = [body.name for body in scene.bodies if not len(body.mesh.surface)]
     for number, obstacle in enumerate(scene.obstacles):
@@ -57,6 +56,13 @@ def _of_scene(scene: Scene) -> Iterator[str]:
             yield f'body "{faceless[0]}" has no faces and passes through obstacle[{number}]'
     if scene.integrator == "explicit-euler":
         yield "explicit Euler gains energy at any step: it is there to show how it fails"
+
+
+def _may_touch(bodies: list[Body]) -> bool:
+    """Whether some touch each other, or one itself."""
+    from tisoft.touch.toucher import touches_itself  # needs Taichi, which not every command starts
+
+    return len(bodies) > 1 or any(map(touches_itself, bodies))
 
 
 def _of_body(body: Body, scene: Scene) -> Iterator[str]:
