@@ -77,13 +77,13 @@ def measure(count: int, *, seconds: float = 1.0) -> dict[str, Any]:
 
 
 def measure_plane(*, seconds: float = 1.0) -> dict[str, Any]:
-    """Cost of contact of one block on a plane, as a share of stepping."""
+    """Cost of contact of one block on a plane, as a share of stepping; in turns with the block
+    alone, since machines change their pace.
+    """
     sim, free = _begun(block(plane=True)), _begun(block(plane=False), settled=False)
     ratios: list[float] = []
     spent = 0.0
-    while (
-        len(ratios) < LEAST_TURNS or spent < 2.0 * seconds
-    ):  # in turns: machines change their pace
+    while len(ratios) < LEAST_TURNS or spent < 2.0 * seconds:
         with_it, without = _stepped(sim), _stepped(free)
         ratios.append(without / with_it)
         spent += with_it + without

@@ -46,8 +46,11 @@ def _of_scene(scene: Scene) -> Iterator[str]:
     touching = [body for body in scene.bodies if body.contact]
     if len(touching) > 1 and scene.integrator == "explicit-euler":
         yield "with explicit-euler bodies pass through each other: take symplectic-euler"
-    elif runtime.on_device() and _may_touch(touching):
-        yield "on a GPU bodies pass through each other and themselves: take --arch cpu"
+    elif runtime.on_device():
+        from tisoft.touch.toucher import any_touch  # needs Taichi, which not every command starts
+
+        if any_touch(scene.bodies):
+            yield "on a GPU bodies pass through each other and themselves: take --arch cpu"
     faceless = [body.name for body in scene.bodies if not len(body.mesh.surface)]
     for number, obstacle in enumerate(scene.obstacles):
         if isinstance(obstacle, Shell) and scene.integrator == "explicit-euler":
@@ -56,13 +59,6 @@ def _of_scene(scene: Scene) -> Iterator[str]:
             yield f'body "{faceless[0]}" has no faces and passes through obstacle[{number}]'
     if scene.integrator == "explicit-euler":
         yield "explicit Euler gains energy at any step: it is there to show how it fails"
-
-
-def _may_touch(bodies: list[Body]) -> bool:
-    """Whether some touch each other, or one itself."""
-    from tisoft.touch.toucher import touches_itself  # needs Taichi, which not every command starts
-
-    return len(bodies) > 1 or any(map(touches_itself, bodies))
 
 
 def _of_body(body: Body, scene: Scene) -> Iterator[str]:

@@ -2,7 +2,8 @@
 """Substeps on a GPU: every pass is a launch of parallel loops over batches and nodes.
 
 The functions are those of `passes`; there a batch has several lanes and a part several batches,
-here a lane is a batch and a batch a part.
+here a lane is a batch and a batch a part.  Each kernel is compiled when it is first called, which
+`runtime.timed` tells apart from stepping.
 """
 
 from typing import Any
@@ -29,11 +30,13 @@ from tisoft.step.substep import begin_solve, move_solved, node, now_of
 def make_advance(s: Any) -> Any:
     """advance(scene), as that of `passes`; the device has its own number of threads."""
 
+    @runtime.timed
     @ti.kernel
     def save(scene: int):
         for i in range(s.state.ranges[scene, 0], s.state.ranges[scene, 1]):
             record.save(s.state, i)
 
+    @runtime.timed
     @ti.kernel
     def turn(scene: int, column: int):
         ti.loop_config(serialize=True)
@@ -41,6 +44,7 @@ def make_advance(s: Any) -> Any:
             driving.turn(s, scene, column)
             driving.move_obstacles(s, scene, column)
 
+    @runtime.timed
     @ti.kernel
     def act(scene: int, column: int):
         for i in range(s.state.ranges[scene, 0], s.state.ranges[scene, 1]):
@@ -52,6 +56,7 @@ def make_advance(s: Any) -> Any:
         One launch for all: calling a kernel costs more than what most loops take.
         """
 
+        @runtime.timed
         @ti.kernel
         def push(scene: int, number: int, passes: int):
             first, last = s.state.ranges[scene, 0], s.state.ranges[scene, 1]
@@ -72,14 +77,16 @@ def make_advance(s: Any) -> Any:
         return push
 
     kinds = [(loaded, moves) for loaded in (0, 1) for moves in (0, 1)]
-    pushes = {kind: runtime.timed(make_push(*kind)) for kind in kinds}
+    pushes = {kind: make_push(*kind) for kind in kinds}
 
+    @runtime.timed
     @ti.kernel
     def begin(scene: int, number: int, passes: int):
         for i in range(s.state.ranges[scene, 0], s.state.ranges[scene, 1]):
             back = s.state.ranges[scene, 15] - s.state.ranges[scene, 0]
             begin_solve(s, i, i + back, now_of(s, scene, number, passes))
 
+    @runtime.timed
     @ti.kernel
     def iterate(scene: int, k: int):
         for i in range(s.state.ranges[scene, 0], s.state.ranges[scene, 1]):
@@ -89,18 +96,21 @@ def make_advance(s: Any) -> Any:
             else:
                 consistent_mass.iterate_solve(s.mass, s.state, i, i + back, k, 1)
 
+    @runtime.timed
     @ti.kernel
     def end(scene: int, number: int, passes: int):
         for i in range(s.state.ranges[scene, 0], s.state.ranges[scene, 1]):
             back = s.state.ranges[scene, 15] - s.state.ranges[scene, 0]
             move_solved(s, i, i + back, now_of(s, scene, number, passes))
 
+    @runtime.timed
     @ti.kernel
     def meet_obstacles(scene: int, number: int, passes: int):
         ti.loop_config(serialize=True)  # one point after the other, as on the CPU
         for _ in range(1):
             touch.meet(s, scene, now_of(s, scene, number, passes))
 
+    @runtime.timed
     @ti.kernel
     def sum_up(scene: int):
         for chunk in range((s.state.ranges[scene, 1] - s.state.ranges[scene, 0] - 1) // CHUNK + 1):
@@ -111,14 +121,10 @@ def make_advance(s: Any) -> Any:
                 if record.tells_energy(s, scene):
                     s.blocks[k].energy[part] = record.part_energy(s.blocks[k], s.state, part)
 
+    @runtime.timed
     @ti.kernel
     def write(scene: int, number: int):
         record.write(s, scene, number)
-
-    # Each is compiled when it is first called, which is not stepping.
-    save, turn, act, begin = (runtime.timed(kernel) for kernel in (save, turn, act, begin))
-    iterate, end, meet_obstacles = (runtime.timed(k) for k in (iterate, end, meet_obstacles))
-    sum_up, write = runtime.timed(sum_up), runtime.timed(write)
 
     def solve(scene: int, number: int, passes: int) -> None:
         begin(scene, number, passes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -65,6 +66,12 @@ def touches_itself(body: Any) -> bool:
         return False
     sides = np.sort(surface[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     return bool((np.unique(sides, axis=0, return_counts=True)[1] == 1).any())
+
+
+def any_touch(bodies: Sequence[Any]) -> bool:
+    """Whether some of the bodies may touch each other, or one itself."""
+    touching = [body for body in bodies if body.contact]
+    return len(touching) > 1 or any(map(touches_itself, touching))
 
 
 def toucher_of(part: Part) -> Toucher | None:

@@ -27,7 +27,7 @@ from tisoft.touch.meetings import Meetings, stands
 from tisoft.touch.patches import patches_of, ranges_of, sorted_surface
 from tisoft.touch.standing import SKIN, standings_of
 from tisoft.touch.surface import Surface
-from tisoft.touch.toucher import toucher_of, touches_itself
+from tisoft.touch.toucher import any_touch, toucher_of
 
 Floats = NDArray[np.float64]
 
@@ -313,9 +313,7 @@ def touching_of(scene: Any, system: System, *, fresh: bool = True) -> Touching |
     if scene.integrator == "explicit-euler":
         return None
     solid = any(stands(obstacle) for obstacle in scene.obstacles)
-    bodies = [part.body for part in system.parts if part.body.contact]
-    meets = len(bodies) > 1 or any(touches_itself(body) for body in bodies)
-    if not solid and not meets:
+    if not solid and not any_touch([part.body for part in system.parts]):
         return None
     found = [toucher for toucher in map(toucher_of, system.parts) if toucher is not None]
     standings = []
