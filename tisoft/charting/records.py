@@ -185,7 +185,10 @@ def static_of(
 
 def linear_static_of(scene: Scene, places: list[Place]) -> dict[str, Any]:
     """The same by linear elasticity, whatever the model."""
-    moved, energy = linear_static(scene)
+    from tisoft.equilibrium.one_thread import one_thread
+
+    with one_thread():
+        moved, energy = linear_static(scene)
     return {"places": at_places(scene, places, moved), "energy": energy}
 
 
