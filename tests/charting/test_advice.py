@@ -119,10 +119,10 @@ def test_costs_are_predicted_from_what_is_most_alike():
     hexes = kind("hex8", 1000, 6000.0)
     cost = predicted(tets, [])
     assert predicted(twice, [(tets, 1.5 * cost)]) == pytest.approx(6.0 * cost, rel=0.05)
-    # A hexahedron that is as slow tells the same, and half of it where nothing else is timed.
+    # A hexahedron that is as slow tells the same, and most of it where nothing else is timed.
     slow = (hexes, 1.5 * predicted(hexes, []))
     assert predicted(twice, [(tets, 1.5 * cost), slow]) == pytest.approx(6.0 * cost, rel=0.05)
-    assert predicted(tets, [slow]) == pytest.approx(1.5**0.5 * cost, rel=0.05)
+    assert 1.3 * cost < predicted(tets, [slow]) < 1.5 * cost
     watched = [predicted(kind("tet4", n, 6.0 * n, 60.0), []) for n in (1000, 2000)]
     assert 2.5 < watched[1] / watched[0] < 3.99
 

@@ -157,8 +157,13 @@ class Asking:
 
 
 def _threads(size: dict[str, Any]) -> int:
-    """CPU threads that a scene of so many elements takes by itself, as `Stepper` does."""
+    """CPU threads that a scene of so many elements takes by itself, as `Stepper` does, and that
+    its parts are enough for.
+    """
+    from tisoft.model.layout import LANES, parts_in
     from tisoft.step.stepper import SPRINGS_PER_TET  # needs Taichi
 
-    each = SPRINGS_PER_TET if size["element"] == "spring" else 1
-    return max(1, min(runtime.threads(), size["elements"] // each // CELLS_PER_THREAD))
+    is_net = size["element"] == "spring"
+    count = size["elements"] // (SPRINGS_PER_TET if is_net else 1)
+    parts = count if is_net else parts_in(-(-count // LANES), LANES)
+    return max(1, min(runtime.threads(), count // CELLS_PER_THREAD, parts))

@@ -1,13 +1,13 @@
 """What a variant costs: timed, or predicted from one that was.
 
-    cost = s g t + r (n c/p + b),   t = min(n e + a, n e/p + w)
+    cost = s g t + r (k t₁ + b),   t₁ = n e + a,   t = min(t₁, n e/p + w)
 
-in seconds of computing a simulated second, of n elements; s substeps at rest and r frames a
-second; g is how many more substeps a body of a finite law takes that swings; e and c are what an
-element takes in a substep, and in a frame where the stable step is followed; p is how much faster
-several threads are, which wait w for one another.
-Ratios between elements and laws are in the tables below, fitted to bars of 6 to 5,400 cells of each
-element, law and precision.
+in seconds of computing a simulated second, of n elements in whole batches; s substeps at rest and r
+frames a second; g is how many more substeps a body takes that swings, or is looked at now and then;
+e is what an element takes in a substep, and k how many substeps of one thread a frame is worth; p
+is how much faster several threads are, which wait w for one another.
+Ratios between elements and laws are in the tables below, measured on bars of 3 to 12,800 cells of
+each element, law and precision.
 """
 
 from __future__ import annotations
@@ -15,31 +15,36 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-TET = 3.4e-8
+from tisoft.model.layout import LANES
+
+TET = 2.0e-8
 """Seconds of a substep of one linear St. Venant-Kirchhoff tet in f32, where nothing is timed."""
-SUBSTEP = {"tet4": 1.0, "tet10": 4.6, "hex8": 2.6, "spring": 0.4}
+SUBSTEP = {"tet4": 1.0, "tet10": 4.5, "hex8": 2.2, "spring": 0.37}
 """e of an element, against that tet."""
-FRAME = {"tet4": 11.0, "tet10": 120.0, "hex8": 25.0, "spring": 1.0}
-"""c of an element, against a substep of that tet."""
 MODELS = {
-    "viscoelastic": (1.0, 1.0), "neo-hookean": (0.95, 1.0), "linear": (0.71, 0.5),
-    "mass-tensor": (1.0, 0.7), "mass-spring": (1.0, 1.0),
+    "viscoelastic": 1.0, "neo-hookean": 0.98, "linear": 0.74, "mass-tensor": 0.8,
+    "mass-spring": 1.0,
 }  # fmt: skip
-"""e and c of a model, against St. Venant-Kirchhoff."""
-SMALL_STRAINS = ("linear", "mass-tensor")
-SWINGING = 1.15
-"""g of all others."""
-NEO_HEX = 7.6
+"""e of a model, against St. Venant-Kirchhoff."""
+NEO_HEX = 6.9
 """e of a neo-Hookean hexahedron, beyond what its element and its model alone come to."""
-DOUBLE, DOUBLE_SPRINGS = 1.85, 1.1
+DOUBLE, DOUBLE_SPRINGS = 1.7, 1.2
 """f64 against f32."""
-EACH_SUBSTEP, EACH_FRAME = 2.7e-7, 7.7e-5
+SMALL_STRAINS = ("linear", "mass-tensor")
+LOOKED_AT, SWINGING = 1.05, 1.15
+"""g of these, and of all others."""
+EACH_SUBSTEP, EACH_FRAME = 8e-8, 4e-6
 """a and b: seconds that a substep and a frame take however few elements there are."""
-FASTER, WAITING = 0.42, 1e-5
+SUBSTEPS_A_FRAME = 0.6
+"""k"""
+FASTER, WAITING = 0.75, 3e-6
 """What each further thread adds to p, and w [s]."""
 
 SAME = 0.1
-"""1/w of a timed variant of another size alone, where the tables' own weight w is 1."""
+"""1/w of a timed variant of another size alone; one that differs in one word has 1/w = 1.1."""
+TABLES = 0.3
+"""w of the tables as they are: how fast this machine is, and what else a scene has, they do not
+know."""
 
 
 @dataclass(frozen=True)
@@ -58,26 +63,28 @@ class Kind:
 
     def supposed(self) -> float:
         """The cost by the tables alone."""
-        grows = 1.0 if set(self.model.split("+")) <= set(SMALL_STRAINS) else SWINGING
-        frame = self._faster * self.elements * TET * self._ratio(1) + EACH_FRAME
+        small = set(self.model.split("+")) <= set(SMALL_STRAINS)
+        alone = self._work() + EACH_SUBSTEP
+        frame = SUBSTEPS_A_FRAME * alone + EACH_FRAME
+        grows = LOOKED_AT if small else SWINGING
         return self.substeps * grows * self.substep() + self.frame_rate * frame
 
     def substep(self) -> float:
         """Seconds of a substep by the tables alone."""
-        work = self.elements * TET * self._ratio(0)
-        words = self.element.split("+")
-        if "hex8" in words and "neo-hookean" in self.model.split("+"):
-            work *= NEO_HEX
-        if self.precision == "f64":
-            work *= DOUBLE_SPRINGS if words == ["spring"] else DOUBLE
+        work = self._work()
         alone = work + EACH_SUBSTEP
         return min(alone, self._faster * work + WAITING) if self.threads > 1 else alone
 
-    def _ratio(self, k: int) -> float:
-        """e (k = 0) or c (1), against the tet's e."""
-        words, table = self.element.split("+"), (SUBSTEP, FRAME)[k]
-        law = max(MODELS.get(word, (1.0, 1.0))[k] for word in self.model.split("+"))
-        return law * sum(table.get(word, table["hex8"]) for word in words) / len(words)
+    def _work(self) -> float:
+        """n e [s]"""
+        words, laws = self.element.split("+"), self.model.split("+")
+        each = sum(SUBSTEP.get(word, SUBSTEP["hex8"]) for word in words) / len(words)
+        each *= max(MODELS.get(law, 1.0) for law in laws)
+        if "hex8" in words and "neo-hookean" in laws:
+            each *= NEO_HEX
+        if self.precision == "f64":
+            each *= DOUBLE_SPRINGS if words == ["spring"] else DOUBLE
+        return TET * each * LANES * math.ceil(self.elements / LANES)
 
     @property
     def _faster(self) -> float:
@@ -94,7 +101,7 @@ class Kind:
 
 def predicted(kind: Kind, timed: list[tuple[Kind, float]]) -> float:
     """The cost of a kind: that of the tables, in the scale of those that were timed, the more alike
-    the more it counts; one that is little alike counts as much as the tables.
+    the more it counts.
 
     Args:
         kind: what decides it.
@@ -102,5 +109,5 @@ def predicted(kind: Kind, timed: list[tuple[Kind, float]]) -> float:
     """
     weights = [1.0 / (SAME + kind.unlike(other) / 100.0) for other, _ in timed]
     slow = [math.log(cost / other.supposed()) for other, cost in timed]
-    whole = sum(w * s for w, s in zip(weights, slow, strict=True)) / (1.0 + sum(weights))
+    whole = sum(w * s for w, s in zip(weights, slow, strict=True)) / (TABLES + sum(weights))
     return kind.supposed() * math.exp(whole)
