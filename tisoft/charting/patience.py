@@ -21,15 +21,17 @@ TIMING = {"tet4": 7.0, "tet10": 16.0, "hex8": 12.0, "spring": 4.0}
 """The same for a running scene."""
 TOUCHING = 16.0
 """Seconds more where surfaces touch, for each size of the fields."""
-LARGE = 0.9
+LARGE = 0.75
 """The least slowness that answers of a second or more are foretold with."""
 WARM = 0.2
 """What is left of them where kernels are in the disk cache."""
-NODE = {"static": 2.5e-4, "linear static": 1e-4, "modes": 2e-4, "exact modes": 3e-4, "step": 3e-5}
+NODE = {
+    "static": 1.5e-4, "linear static": 6e-5, "modes": 1.6e-4, "exact modes": 1.8e-4, "step": 2e-5,
+}  # fmt: skip
 """Seconds a node."""
-FRONT = 2.2e-9
+FRONT = 9e-10
 """Seconds of a factorisation for each unknown of its widest front, cubed."""
-FACTORED = {"static": 4.0, "linear static": 1.0, "modes": 4.0, "exact modes": 4.0, "step": 0.0}
+FACTORED = {"static": 4.5, "linear static": 1.5, "modes": 4.0, "exact modes": 4.2, "step": 0.0}
 """Factorisations, and what is solved with them in their seconds."""
 
 
