@@ -84,7 +84,7 @@ def test_predicted_errors_are_those_of_the_continuum_within_their_bars(scene):
     linear, better = survey.catalogue.current, make("tet10", 1.0)
     for what, truth in (("sag", [SAG]), ("frequency", FREQUENCIES)):
         worse, fine = (survey.asking.quantity(v, what, 1.0, exact=True) for v in (linear, better))
-        pair = Pair(linear, better, estimate.SAME_MESH)
+        pair = Pair(linear, better, estimate.SAME_MESH[0])
         survey.judging.rulers = {what: ruler_of(what, [worse, fine], pair)}
         exact = estimate.Ruler(np.asarray(truth), 0.0)
         measure = estimate.frequency_error if what == "frequency" else error_of
@@ -161,13 +161,54 @@ def test_a_third_mesh_tells_how_far_two_can_be_trusted():
     truth, off = np.array([1.0, 2.0]), np.array([0.05, -0.1])
     meshes = [truth + off * h**1.8 for h in (4.0, 2.0, 1.0)]
     three, two = (
-        estimate.ruler_of_three(meshes), estimate.ruler(*meshes[1:], estimate.TWO_MESHES)
+        estimate.ruler_of_three(meshes), estimate.ruler(*meshes[1:], estimate.TWO_MESHES[0])
     )  # fmt: skip
     assert three.error(truth).value < 0.3 * three.bar and three.bar < 0.5 * two.bar
     jumping = [meshes[0], 2.0 * truth - meshes[1], meshes[2]]  # from side to side
     assert estimate.ruler_of_three(jumping).bar > two.bar
-    odd = estimate.ruler(truth + off * 1.5**1.8, truth + off, estimate.TWO_MESHES, 1.5)
+    odd = estimate.ruler(truth + off * 1.5**1.8, truth + off, estimate.TWO_MESHES[0], 1.5)
     assert odd.error(truth).value < odd.bar
+
+
+def test_three_meshes_tell_the_same_whatever_the_ratios_of_their_cells():
+    truth, off = np.array([1.0, 2.0]), np.array([0.05, -0.1])
+    for before, ratio in ((1.5, 2.0), (2.0, 1.5), (2.0, 2.0)):
+        sizes = (before * ratio, ratio, 1.0)
+        coarse, middle, fine = (off * h**1.8 for h in sizes)
+        r = float((middle - coarse) @ (fine - middle) / ((middle - coarse) @ (middle - coarse)))
+        assert estimate.halved(r, before, ratio) == pytest.approx(2.0**-1.8, rel=1e-6)
+        three = estimate.ruler_of_three([truth + off * h**1.8 for h in sizes], ratio, before)
+        assert three.error(truth).value < 0.3 * three.bar
+
+
+def test_nearly_incompressible_bodies_have_a_ruler_whose_bar_holds_the_truth(scene):
+    """A block of 6 x 4 x 4 cells, ν = .49: its modes are known within .3 %."""
+    block = [
+        "body.0.young=2e4", "body.0.poisson=0.49", "body.0.mesh.box.size=[0.3, 0.2, 0.2]",
+        "body.0.mesh.box.cells=[6, 4, 4]",
+        "body.0.pin.0.where={ box = [[-1, -1, -1], [1, 1e-6, 1]] }", "probe=[]",
+    ]  # fmt: skip
+    survey = Survey(scene, 1e6, block)
+    pair = survey.ruling.pairs()[0]
+    answers = [
+        survey.asking.quantity(v, "frequency", 1.0, exact=True) for v in (pair.worse, pair.better)
+    ]
+    found = ruler_of("frequency", answers, pair)
+    off = estimate.frequency_error([2.4166, 2.7023, 2.9272], found)
+    assert off.value < found.bar + 0.003 and found.bar < 0.05
+
+
+def test_frequencies_of_finer_quadratic_tets_err_by_no_more_than_foretold(scene):
+    survey = Survey(scene, 1e6)
+    truth = estimate.Ruler(FREQUENCIES, 0.001)
+    coarse, fine = survey.catalogue.mesh("tet10", 1.0), survey.catalogue.mesh("tet10", 1.5)
+    survey.asking.variants.append(coarse)
+    own, its = (survey.asking.quantity(v, "frequency", 1.0) for v in (coarse, fine))
+    steps = [survey.asking.ask("step", v) for v in (coarse, fine)]
+    assert 1.3 < steps[0]["stable_step"] / steps[1]["stable_step"] < 1.7
+    told, known = (estimate.frequency_error(value, truth) for value in (own, its))
+    foretold = survey.judging.foretold(fine, truth)
+    assert known.value < foretold.most < told.most
 
 
 def test_paths_err_in_proportion_to_what_their_variants_err_by(scene):

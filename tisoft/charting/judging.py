@@ -15,6 +15,9 @@ from tisoft.charting.paths import Paths
 from tisoft.charting.travel import Travel
 from tisoft.charting.variants import CURRENT, Catalogue, Variant
 
+LIKE, LEAST_RATIO = ("element", "model", "precision", "integrator"), 1.2
+"""What meshes have in common of which one's errors are foretold from the other's, and the least
+ratio of their cells."""
 FINE = 0.1
 """Largest error at rest of a variant whose path is to stay near a finer one's."""
 
@@ -83,12 +86,34 @@ class Judging:
                 known = self.asking.known("linear static", shared)
                 if known is not None:
                     errors[what] = self.linear.error(self.asking.sag_of(known))
+            elif value is None and what == "frequency":
+                if (far := self.foretold(shared, truth)) is not None:
+                    errors[what] = far
             elif value is not None and np.shape(value) == np.shape(truth.value):
                 by_mode = what == "frequency"
                 errors[what] = (
                     estimate.frequency_error(value, truth) if by_mode else truth.error(value)
                 )
         return errors
+
+    def foretold(self, variant: Variant, truth: Ruler) -> Error | None:
+        """The error of frequencies from what coarser cells of the same kind err by; None where
+        that was not measured of the element, or nothing coarser is known.
+        """
+        size, step = self.asking.size(variant), self.asking.known("step", variant)
+        if size is None or step is None or size["element"] != "tet10":
+            return None
+        found = []
+        for other in self.asking.variants:
+            its, coarse = self.asking.size(other), self.asking.known("step", other)
+            value = self.asking.quantity(other, "frequency")
+            if its is None or coarse is None or np.shape(value) != np.shape(truth.value):
+                continue
+            ratio = coarse["stable_step"] / step["stable_step"]  # that of the smallest cells
+            if all(its[key] == size[key] for key in LIKE) and ratio >= LEAST_RATIO:
+                error = estimate.frequency_error(value, truth)
+                found.append(estimate.foretold(error, ratio))
+        return min(found, key=lambda error: error.most, default=None)
 
     @property
     def by_path(self) -> bool:

@@ -43,6 +43,8 @@ class Pair:
     """Of their cells."""
     coarser: Variant | None = None
     """A third one, worse than both, which tells whether they converge."""
+    before: float = 2.0
+    """The ratio of its cells to those of the worse one."""
     last: bool = False
     """Whether there is nothing cheaper."""
 
@@ -62,14 +64,15 @@ def pairs_of(catalogue: Catalogue, *, twin: bool) -> Iterator[Pair]:
                 yield Pair(catalogue.current, finer, estimate.OWN_MODEL, own[1], ratio)
         return
     told = TWIN if twin else None
-    for fine in (0.75, 0.5) if twin else (1.0, 2.0):
+    for fine in (0.75, 0.5) if twin else (1.0, 1.5, 2.0, 3.0):
         found = catalogue.tets(fine)
         if found is None:
             continue
         coarser = catalogue.tets(0.5 * fine)
         # Linear and quadratic tets on one mesh do not see how it cuts the corners of a curve.
-        if fine != 2.0 and not (catalogue.is_curved and coarser):
-            yield Pair(*found, estimate.SAME_MESH, told, last=fine == 0.5)
+        if fine <= 1.0 and not (catalogue.is_curved and coarser):
+            range_ = estimate.SAME_MESH[catalogue.poisson > estimate.COMPRESSIBLE]
+            yield Pair(*found, range_, told, last=fine == 0.5)
         if coarser is not None:
             yield _of_meshes(catalogue, fine, told, last=fine == 0.5)
 
@@ -80,10 +83,11 @@ def _of_meshes(catalogue: Catalogue, fine: float, told: str | None, *, last: boo
     better, worse, coarsest = (None if level is None else level[1] for level in levels)
     assert better is not None and worse is not None
     ratios = [catalogue.ratio(0.5 * share * fine, share * fine) for share in (1.0, 0.5)]
-    low, high = estimate.HALVED
+    low, high = estimate.COMPARED
     if not all(low < ratio < high for ratio in ratios):
         coarsest = None
-    return Pair(worse, better, estimate.TWO_MESHES, told, ratios[0], coarsest, last)
+    range_ = estimate.TWO_MESHES[catalogue.poisson > estimate.COMPRESSIBLE]
+    return Pair(worse, better, range_, told, ratios[0], coarsest, ratios[1], last)
 
 
 def ruler_of(what: str, answers: Sequence[Any], pair: Pair) -> Ruler:
@@ -103,7 +107,7 @@ def ruler_of(what: str, answers: Sequence[Any], pair: Pair) -> Ruler:
 
 def _ruler(answers: Sequence[Any], pair: Pair) -> Ruler:
     if len(answers) == 3:
-        return estimate.ruler_of_three(answers, pair.ratio)
+        return estimate.ruler_of_three(answers, pair.ratio, pair.before)
     return estimate.ruler(answers[0], answers[1], pair.range_, pair.ratio)
 
 

@@ -34,6 +34,8 @@ RULER_ALONE = 0.8
 """Of what is left of the budget, that the first ruler may take."""
 QUICK = 0.4
 """The same for advice, and of its whole time, that what is quick takes before a dear ruler."""
+SHARPENING = 0.9
+"""Of what is left for answers, that a sharper ruler may take: variants are asked after it."""
 ENOUGH = 0.3
 """Share of the tolerance within which the ruler's bar needs nothing better."""
 
@@ -103,10 +105,14 @@ class Ruling:
         has = {"sag": self.judging.static, "frequency": self.vibrates}
         return [what for what, own in has.items() if own]
 
+    @property
+    def works(self) -> dict[str, str]:
+        """What is asked for a quantity."""
+        return {"sag": "static", "frequency": "modes" if self.asking.springs else "exact modes"}
+
     def _works(self) -> list[str]:
         """What is asked of a ruler."""
-        works = {"sag": "static", "frequency": "exact modes"}
-        return [works[what] for what in self.quantities()]
+        return [self.works[what] for what in self.quantities()]
 
     def _why(self, missing: str) -> str:
         """What quadratic tets said instead of an answer."""
@@ -116,24 +122,16 @@ class Ruling:
         told = self.asking.bench.record(pair.better).get("static", {}).get("error")
         return f" ({told})" if told else ""
 
-    def take(self, pair: Pair, *, always: bool = False, blunt: float | None = None) -> bool:
+    def take(self, pair: Pair, *, always: bool = False) -> bool:
         """Let a pair become the ruler; returns whether it told anything.
 
         Args:
             pair: of variants.
             always: whatever its share of the budget.
-            blunt: of the quantities whose bars are wider, the widest first, and late.
         """
-        size = self.asking.size(pair.better)
-        if size is None or size["nodes"] > LARGEST_RULER:
+        if not self._has_size(pair):
             return False
         share = SHARES["ruler"]
-        quantities = self.quantities()
-        if blunt is not None:
-            share = self.share
-            bars = {q: r.bar for q, r in self.judging.rulers.items()}
-            quantities = [q for q in quantities if bars.get(q, 1.0) > blunt]
-            quantities.sort(key=lambda q: -bars.get(q, 1.0))
         if always:  # within the whole budget all the same
             needs = sum(self.asking.needs(w, pair.better) for w in self._works())
             has_twin = self.catalogue.is_curved and pair.told is None
@@ -141,6 +139,36 @@ class Ruling:
             if needs > alone * (self.budget - self.asking.spent()) and not pair.last:
                 return False
             share = 100.0
+        return self._rule(pair, self.quantities(), share)
+
+    def sharpen(self, blunt: float) -> Variant | None:
+        """A sharper ruler of the quantities whose bars are wider than that, on the finest mesh that
+        there is time for; returns its better variant, or None where there is no time for any.
+        """
+        bars = {what: ruler.bar for what, ruler in self.judging.rulers.items()}
+        wanted = [what for what in self.quantities() if bars.get(what, 1.0) > blunt]
+        for pair in reversed(self.pairs()[1:]):
+            room = SHARPENING * (self.share * self.budget - self.asking.spent())
+            if self._has_size(pair) and self._misses(pair, wanted) <= room:
+                return pair.better if self._rule(pair, wanted, self.share) else None
+        return None
+
+    def _has_size(self, pair: Pair) -> bool:
+        """Whether a pair is known, and not too large."""
+        size = self.asking.size(pair.better)
+        return size is not None and size["nodes"] <= LARGEST_RULER
+
+    def _misses(self, pair: Pair, quantities: Sequence[str]) -> float:
+        """Seconds of what is not known yet of a pair's quantities."""
+        variants = [v for v in (pair.worse, pair.better, pair.coarser) if v is not None]
+        works = [self.works[what] for what in quantities]
+        return sum(
+            self.asking.needs(work, v) for v in variants for work in works
+            if not self.asking.has(work, v)
+        )  # fmt: skip
+
+    def _rule(self, pair: Pair, quantities: Sequence[str], share: float) -> bool:
+        """Let a pair become the ruler of quantities; returns whether it told anything."""
         pair = self._on_curves(pair)
         found = False
         for what in quantities:
@@ -151,7 +179,7 @@ class Ruling:
             old = self.judging.rulers.get(what)
             best = self.judging.rulers[what] = made if old is None else agreed(old, made)
             if best is not old:
-                self.judging.on_one_mesh[what] = pair.range_ == estimate.SAME_MESH
+                self.judging.on_one_mesh[what] = pair.range_ in estimate.SAME_MESH
             found = True
         if found and pair.told:
             self.warn(pair.told)
@@ -159,7 +187,7 @@ class Ruling:
 
     def _on_curves(self, pair: Pair) -> Pair:
         """The pair, with what is known of curved shapes."""
-        if pair.range_ != estimate.TWO_MESHES or not self.catalogue.is_round:
+        if pair.range_ not in estimate.TWO_MESHES or not self.catalogue.is_round:
             return pair
         coarse, fine = (self.asking.bench.scene(v) for v in (pair.worse, pair.better))
         known = range_of(coarse, fine, self.catalogue.varied)

@@ -40,6 +40,11 @@ DEARER = 1.5
 """Times the cost of what may keep the tolerance, above which a sharper ruler is worth its time."""
 MOST_OVER = 1.2
 """Times the budget, that the first look may take by what is known before."""
+HIGHEST_ORDER = {"tet4": 2.0}
+"""Power of the size of the cells that errors of an element fall with at the most; of others 3.
+Elements are counted as if they filled a plane, whose thickness may be one cell on any mesh."""
+SOON = 1.1
+"""Times its share of the budget, that an answer may end at which is soon there."""
 LAST = 1.15
 """The same for advice that has nothing but paths."""
 NO_TIME = "there was no time to find the equilibrium; give a larger budget"
@@ -122,18 +127,14 @@ class Survey:
                     continue
                 self._answers(variant, 0.9 if len(self.judged()) < 2 else share)
             if tolerance and self._is_blunt(tolerance):
-                self._sharpen(candidates, ENOUGH * tolerance)
+                better = self.ruling.sharpen(ENOUGH * tolerance)
+                if better in candidates:
+                    self._answers(better, self.ruling.share)
         self.ruling.widen()
         self.asking.ask("timing", now, 0.97)
         self._time()
         if others:
             self._run()
-
-    def _sharpen(self, candidates: Sequence[Variant], blunt: float) -> None:
-        """Ask for sharper rulers, one of which may make a variant certain."""
-        for pair in self.ruling.pairs()[1:]:
-            if self.ruling.take(pair, blunt=blunt) and pair.better in candidates:
-                self._answers(pair.better, self.ruling.share)
 
     def ask_linear(self, name: str) -> None:
         """Look at a variant with linear elasticity in place of large strains."""
@@ -227,11 +228,15 @@ class Survey:
         return sum(self.asking.needs(what, shared) for what in missing)
 
     def _is_hopeless(self, variant: Variant, tolerance: float) -> bool:
-        """Whether the same element on a finer mesh is too coarse already."""
+        """Whether the same element on a finer mesh is too coarse already, or so much too coarse on
+        this or a coarser one that no order of convergence makes up for it.
+        """
         size = self.asking.size(variant)
+        order = 3.0 if size is None else HIGHEST_ORDER.get(size["element"], 3.0)
         return size is not None and any(
             v.element == size["element"] and v.model == size["model"]
-            and v.elements >= size["elements"] and v.worst.value - v.worst.bar > tolerance
+            and (v.worst.value - v.worst.bar)
+            * min(1.0, v.elements / size["elements"]) ** (order / 2.0) > tolerance
             for v in self.judged()
         )  # fmt: skip
 
@@ -258,10 +263,11 @@ class Survey:
             if found is None and what == "sag" and self.judging.linear is not None:
                 if self._is_long(variant):
                     found = self.ruling.linearly(shared)
-            if found is None:
+            if found is None and what != "frequency":
                 return
-        found = self.asking.ask("step", variant, share)
-        if found is not None and variant not in self.asking.variants:
+        found = self.asking.ask("step", variant, SOON * share)  # which makes use of the others
+        known = self.judging.errors_at_rest(variant).keys() >= self.judging.rulers.keys()
+        if found is not None and known and variant not in self.asking.variants:
             self.asking.variants.append(variant)
 
     def _time(self) -> None:

@@ -19,7 +19,7 @@ from tisoft.scene_file import document_of
 from tisoft.where import Nodes
 
 CURRENT = "as it is"
-FACTORS = (0.5, 0.75, 1.5, 2.0)
+FACTORS = (0.5, 0.75, 1.5, 2.0, 3.0)
 """By which cells along each axis of a shape are multiplied."""
 COUNTS = {"box": "cells", "cloth": "cells", "grid": "cells", "ball": "resolution",
           "cylinder": "resolution"}  # fmt: skip
@@ -201,6 +201,12 @@ class Catalogue:
         if self.scene.integrator == "symplectic-euler" and self.scene.start == "plain":
             changes = ['integrator="velocity-verlet"']
             yield Variant("velocity-verlet", (*self.given, *changes), "integrator")
+
+    @property
+    def poisson(self) -> float:
+        """The largest Poisson's ratio of what varies; 0 of springs, which have none."""
+        models = (self.scene.bodies[i].model for i in self.varied)
+        return max((getattr(model, "poisson", 0.0) for model in models), default=0.0)
 
     @property
     def is_itself(self) -> bool:
