@@ -6,6 +6,8 @@ import pytest
 import tisoft as ts
 from tisoft import runtime
 from tisoft.check.warnings import warnings_of
+from tisoft.model.part import parts_of
+from tisoft.stable.inside import Inside
 
 
 def spinning(model, rate=2.0):
@@ -26,6 +28,41 @@ def test_linear_body_that_turns_is_told_its_angle_and_error():
     assert f"turned by {apparent:.0f} degrees" in warning
     # 44.8 degrees: 35 % (A4b); linear between the rows of that table
     assert "36 % too large" in warning
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_turn_is_told_about_whichever_axis(axis):
+    sim = spinning(ts.Linear(1e5, 0.3, 1000.0))
+    x = sim.positions()
+    sim.set_state(x + np.cross(np.eye(3)[axis], x - x.mean(axis=0)), 0.0 * x)
+    sim.watch.look(0.3)
+    (warning,) = sim.warnings
+    assert "turned by 45 degrees (t = 0.3 s)" in warning
+
+
+def test_a_push_is_told_by_the_most_that_was_seen_of_it():
+    watch = spinning(ts.Linear(1e5, 0.3, 1000.0)).watch
+    watch.note_push("a", "b", 0, (0.1, 0.0, 2.0))
+    (told,) = watch.pushed()
+    assert told.startswith('body "a" starts with faces inside b, 0.1 m deep, and is pushed out ')
+    watch.note_push("a", "b", 7, (0.05, 0.0, 3.0))
+    (told,) = watch.pushed()
+    assert "starts with 7 nodes inside b, 0.1 m deep, and is pushed out within 3 s;" in told
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_what_lies_between_nodes_is_told_in_any_size(size):
+    """A ball of a tenth of a spring's length around the spring's middle."""
+    net = ts.net([[0, 0, 0], [size, 0, 0], [0, size, 0]], [[0, 1], [1, 2], [2, 0]])
+    scene = ts.Scene()
+    scene.add_body(net, ts.MassSpring(stiffness=1.0, node_mass=1.0), "net")
+    parts = parts_of(scene.bodies)
+    inside, ball = Inside(parts), ts.Sphere((0.5 * size, 0, 0), 0.1 * size)
+    far = ts.Sphere((0.5 * size, 0.11 * size, 0), 0.1 * size)
+    inside.look(parts, (far, ball), 0.2, net.points[parts[0].order])
+    (told,) = inside.warnings()
+    assert f"was {0.1 * size:.3g} m inside obstacle[1] between its nodes" in told
+    assert f"at ({0.5 * size:.4g}, 0, 0) at t = 0.2 s" in told
 
 
 def test_objective_body_may_turn():

@@ -8,7 +8,8 @@ Cosmic Ray finds the places and makes the mutants.  Each is written to disk, in 
 failure.  The copy has a kernel cache of its own; a kernel's key there is made from its code, so a
 mutant is never answered with the original's.
 
-A run that was stopped goes on when it is started again with the same -o.
+A run that was stopped goes on when it is started again with the same -o; with --again, mutants that
+survived meet the tests once more.
 """
 
 from __future__ import annotations
@@ -93,6 +94,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--sample", type=int, help="so many mutants, drawn evenly")
     parser.add_argument("--seed", type=int, default=1, help="of the draw")
     parser.add_argument("--jobs", type=int, default=1, help="processes, each with its own copy")
+    parser.add_argument("--again", action="store_true", help="try those again that survived")
     parser.add_argument("--minutes", type=float, default=1e9, help="stop after so long")
     return parser.parse_args()
 
@@ -145,7 +147,10 @@ def _key(mutation):
 
 
 def _run(database, folder: Path, tests: list[str], options: argparse.Namespace) -> None:
-    pending = sorted(database.pending_work_items, key=lambda item: item.job_id)
+    pending = list(database.pending_work_items)
+    if options.again:
+        pending += [item for item, result in _tried(database) if not result.is_killed]
+    pending.sort(key=lambda item: item.job_id)
     if not pending:
         return
     end = time.monotonic() + 60.0 * options.minutes
@@ -182,7 +187,8 @@ def _begin(folder: Path, tests: list[str]) -> None:
     seen = subprocess.check_output([python, "-c", "import tisoft; print(tisoft.__file__)"])
     if not seen.decode().startswith(str(copy)):
         _stop(f"Python imports tisoft from {seen.decode().strip()}, not from the copy in {copy}")
-    command = [python, "-m", "pytest", "-x", "-q", "--tb=no", "-p", "no:cacheprovider", *tests]
+    command = [python, "-m", "pytest", "-n", "0", "-x", "-q", "--tb=no"]
+    command += ["-p", "no:cacheprovider", *tests]
     for _ in range(2):  # the second time with compiled kernels
         begun = time.monotonic()
         if subprocess.run(command, capture_output=True).returncode:
@@ -217,14 +223,19 @@ def _shown(item, result) -> str:
     return "\n".join([f"{mutation.module_path}:{mutation.start_pos[0]}", *lines])
 
 
-def _report(database, folder: Path) -> int:
+def _tried(database) -> list:
+    """Mutants that were tried, and what came of each."""
     from cosmic_ray.work_item import WorkerOutcome
 
-    done = [
+    return [
         (item, result)
         for item, result in database.completed_work_items
         if result.worker_outcome != WorkerOutcome.SKIPPED
     ]
+
+
+def _report(database, folder: Path) -> int:
+    done = _tried(database)
     alive = sorted((i for i in done if not i[1].is_killed), key=lambda i: _key(i[0].mutations[0]))
     left = len(database.pending_work_items)
     print(f"\n{len(done)} mutants, {len(done) - len(alive)} killed, {len(alive)} survived", end="")

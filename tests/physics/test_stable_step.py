@@ -7,6 +7,7 @@ from beams import beam, cantilever, displaced, gmsh_beam, rotation, rubber, simu
 import tisoft as ts
 from tisoft import where
 from tisoft.checks import FieldError
+from tisoft.stable.sharp import SharpLimit
 
 MESHES = {
     "six 10x2x2": lambda: beam("six"),
@@ -97,6 +98,17 @@ def test_limit_of_the_chain_of_springs():
         displaced(sim, u)
         sim.step()
         assert (not np.abs(sim.velocities()).max() < 1e-3) == grows
+
+
+@pytest.mark.parametrize("damper", [0.0, 0.2])
+def test_bound_and_limit_of_two_masses_on_a_spring_are_the_same(damper):
+    """ω² = 2 k/m and 2ζω = 2 c/m: h = 4/(2ζω + √((2ζω)² + 4ω²))."""
+    model = ts.MassSpring(stiffness=100.0, node_mass=0.01, spring_damping=damper)
+    sim = simulate((ts.net([[0, 0, 0], [1, 0, 0]], [[0, 1]]), model))
+    rate, omega2 = 2 * damper / 0.01, 2 * 100.0 / 0.01
+    limit = 4 / (rate + np.sqrt(rate**2 + 4 * omega2))
+    assert sim.stable_step() == pytest.approx(limit, rel=1e-6)
+    assert sim.limit.sharp() == pytest.approx(limit, rel=1e-6)
 
 
 # -- just below and just above -----------------------------------------------------------------
@@ -261,16 +273,28 @@ def test_scaled_body_has_the_scaled_step():
     assert steps[1] == pytest.approx(1000 * steps[0], rel=1e-12)
 
 
-def test_a_bound_that_a_squashed_node_lets_fall_is_sharpened_soon(monkeypatch):
-    """By a step that is sharp's share again, where waiting as ever would keep a third of it."""
+@pytest.fixture
+def squashed(monkeypatch):
+    """A block at rest, and positions in which a node is pushed in: the bound of all falls to less
+    than .6, the limit to .8."""
     monkeypatch.setattr("tisoft.stable.limit.FIRST", 0.0)
     scene = ts.Scene(gravity=(0, 0, 0))
     scene.add_body(ts.box(size=(1, 1, 1), cells=(4, 4, 4)), ts.ViscoElastic(1e5, 0.3, 1000.0))
     sim = ts.Simulation(scene, threads=1, precision="f64")
-    x = sim.positions()
-    x[np.abs(x - [0.5, 1, 0.5]).sum(axis=1).argmin(), 1] -= 0.22
+
+    def by(depth):
+        x = sim.positions() if depth else scene.bodies[0].mesh.points.copy()
+        x[np.abs(scene.bodies[0].mesh.points - [0.5, 1, 0.5]).sum(axis=1).argmin(), 1] = 1 - depth
+        return x
+
+    return sim, by
+
+
+def test_a_bound_that_a_squashed_node_lets_fall_is_sharpened_soon(squashed):
+    """By a step that is sharp's share again, where waiting as ever would keep a third of it."""
+    sim, by = squashed
     at_rest = sim.limit.chosen(0)
-    sim.set_state(x, 0 * x)
+    sim.set_state(by(0.22), 0 * by(0.22))
     sim.limit.sharpens = False
     assert sim.limit.chosen(1) < 0.6 * at_rest
     sim.limit.sharpens = True
@@ -278,3 +302,39 @@ def test_a_bound_that_a_squashed_node_lets_fall_is_sharpened_soon(monkeypatch):
         sim.limit.moved()
         found = sim.limit.chosen(substeps)
     assert 0.7 * at_rest < found < 1.01 * at_rest
+
+
+def test_a_step_that_the_bound_would_refuse_is_looked_at_sharply_before(squashed):
+    sim, by = squashed
+    at_rest = sim.limit.sharp()
+    sim.set_state(by(0.22), 0 * by(0.22))
+    sim.limit.sharpens = False
+    assert sim.limit.accepted(0.75 * at_rest) < 0.6 * at_rest
+    sim.limit.sharpens = True
+    assert 0.75 * at_rest < sim.limit.accepted(0.75 * at_rest) < 0.9 * at_rest
+
+
+def test_sharp_limits_take_a_quarter_of_a_run_at_the_most(squashed, monkeypatch):
+    """Of a body that swells until its bound is a thirtieth, by a quarter more in 1000 substeps."""
+    sim, by = squashed
+    sim.limit.sharp()
+    asked, products = [], 200
+
+    def find(part, **options):
+        asked.append(options)
+        return SharpLimit(1e-2, options["u"], products)
+
+    monkeypatch.setattr("tisoft.stable.limit.sharp_limit", find)
+    for k in range(16):
+        sim.set_state(1.25**k * by(0), 0 * by(0))
+        sim.limit.chosen(1000 * k)
+    cost = 3 * products  # substeps that as many products with a matrix take as long as
+    assert 1 < len(asked) <= 1 + 15_000 / (4 * cost)
+
+
+def test_a_body_that_allows_more_does_not_change_what_another_allows():
+    """Each body's bound is held against its own: at rest all have .9 of their sharp limit."""
+    mesh = ts.box(size=(1.0, 0.5, 0.5), cells=(4, 2, 2))
+    soft, stiff = ts.ViscoElastic(1e5, 0.3, 1000.0), ts.ViscoElastic(4e5, 0.3, 1000.0)
+    together, alone = simulate((mesh, soft), (mesh, stiff)), simulate((mesh, stiff))
+    assert together.limit.chosen(0) == pytest.approx(0.9 * alone.limit.sharp(), rel=1e-4)
