@@ -39,10 +39,10 @@ COMMANDS = {
     "modes": ["modes", "beam.toml", "-o", "out"],
     "swing": ["modes", "beam.toml", "-n", "1", "-o", "swing.gif"],
     "check": ["check", "beam.toml", "--picture", "check.png"],
-    "stability": ["stability", "beam.toml", "-o", "out", "--only", "step-damping,diagonals"],
+    "stability": ["stability", "beam.toml", "-o", "out", "--only", "step-damping,poisson"],
     "demo": ["demo", "nets", "--set", "duration=0.1", "--size", "32x32", "-o", "."],
 }
-SHARE = {"run": 5, "frequent": 5, "stability": 1, "swing": 1}
+SHARE = {"run": 10, "frequent": 10, "stability": 1, "swing": 1}
 """How often a command is taken; the others three times."""
 
 
@@ -116,11 +116,26 @@ def tables(folder):
     return [(folder / "out" / name).read_bytes() for name in ("probes.csv", "energy.csv")]
 
 
-def case(chance, folder, seconds, whole):
-    """One case: a command, a moment, a signal or two."""
-    weights = [SHARE.get(name, 3) for name in seconds]
-    name = chance.choices(list(seconds), weights)[0]
-    number, moment = chance.choice(SIGNALS), chance.uniform(0.0, 1.1 * seconds[name])
+def planned(chance, seconds, count):
+    """Commands by their shares, in any order, and moments spread over the time that each takes."""
+    names = [name for name in seconds for _ in range(SHARE.get(name, 3))]
+    begin = chance.random()
+    taken = [names[int((k + begin) * len(names) / count)] for k in range(count)]
+    moments = {name: spread(chance, taken.count(name)) for name in taken}
+    plan = [(name, 1.1 * seconds[name] * moments[name].pop()) for name in taken]
+    chance.shuffle(plan)
+    return plan
+
+
+def spread(chance, count):
+    """So many numbers from 0 to 1, one in each of as many equal parts."""
+    return [(k + chance.random()) / count for k in range(count)]
+
+
+def case(chance, folder, command, whole):
+    """One case: a command and a moment, and a signal or two."""
+    name, moment = command
+    number = chance.choice(SIGNALS)
     plan = [(moment, number)]
     if chance.random() < 0.4:
         plan.append((moment + chance.choice([0.0, 0.001, 0.05]), number))
@@ -158,8 +173,8 @@ def main_of_cases(folder, count, seed, names):
         signal.signal(number, lambda *_: None)  # one that comes late meets no one
     seconds, whole = warm(folder, names)
     chance = random.Random(seed)
-    for _ in range(count):
-        print(json.dumps(case(chance, folder, seconds, whole)), flush=True)
+    for command in planned(chance, seconds, count):
+        print(json.dumps(case(chance, folder, command, whole)), flush=True)
 
 
 if __name__ == "__main__":

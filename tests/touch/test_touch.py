@@ -50,6 +50,55 @@ def leapfrog_energy(sim):
     return sum(table.values()) + 0.5 * sim.steps[-1] * power
 
 
+def half_of_a_ball(side, cells=14, first=1.0 / 160.0):
+    """A quarter of a piece of a ball of radius 2 m around its lowest (`side` 1: highest) point, 1 m
+    high, in cells that grow from `first` [m] at that point on.
+    """
+    mesh = ts.box(size=(cells,) * 3, cells=(cells,) * 3)
+    x, y, z = np.rint(mesh.points).astype(int).T
+    across, deep = (lines(cells, first, length) for length in (0.5, 1.0))
+    r = np.hypot(across[x], across[y])
+    height = deep[z] + r**2 / 4.0 * (1.0 - deep[z])
+    tets = mesh.tets if side < 0 else np.asarray(mesh.tets)[:, [1, 0, 2, 3]]
+    return ts.tet_mesh(np.stack([across[x], across[y], -side * height], axis=1), tets)
+
+
+def lines(count, first, length):
+    """0 to `length` [m] in steps that grow by one factor."""
+    low, high = 1.0, 9.0
+    for _ in range(60):
+        factor = 0.5 * (low + high)
+        fits = first * (factor ** np.arange(count)).sum() < length
+        low, high = (factor, high) if fits else (low, factor)
+    return np.append(0.0, (first * factor ** np.arange(count)).cumsum())
+
+
+@pytest.mark.slow
+def test_two_balls_press_each_other_as_hertz_says():
+    """F = 4/3 E* √R* d^(3/2): eight elements in the contact's radius of .05 m; the tets are that
+    much too stiff with fewer (1.10 at five, 1.13 at three).  They start that deep inside each
+    other, their far sides held.
+    """
+    scene = ts.Scene(gravity=(0, 0, 0), frame_rate=20.0)
+    thick, way = 0.002, 0.0025
+    for side in (1, -1):
+        mesh = half_of_a_ball(side).transformed(translate=(0, 0, 0.5 * side * (way - thick)))
+        model = ts.ViscoElastic(young=1e5, poisson=0.3, density=1000.0, point_damping=30.0)
+        body = scene.add_body(mesh, model)
+        body.friction, body.thickness = 0.0, thick
+        for axis, place in enumerate((0.0, 0.0, side * (0.5 * (way - thick) - 1.0))):
+            low, high = np.full(3, -9.0), np.full(3, 9.0)
+            low[axis], high[axis] = place - 1e-9, place + 1e-9
+            body.pin(ts.where.box(low, high), "xyz"[axis])
+    sim = simulation(scene, threads=1)
+    sim.run(0.4)
+    pushed = sim.touching.fields.pushed.to_numpy() * sim.touching.fields.met.to_numpy()[:, None]
+    first, last = sim.touching.ranges[0]
+    force = -4.0 * pushed[first:last, 2].sum() / sim.steps[-1]
+    stiff = 0.5 * 1e5 / (1.0 - 0.3**2)
+    assert force == pytest.approx(4.0 / 3.0 * stiff * way**1.5, rel=0.05)
+
+
 def test_two_blocks_head_on():
     """Momentum to rounding, no energy gained, and the loss that the two layers' masses explain:
     restitution .747 at 4 cells (measured by another program, whose diagonals lie otherwise).
@@ -430,54 +479,7 @@ def test_cloth_that_folds_does_not_cross_itself():
     assert re.match(r'\d+ edges of the triangles of sheets \("body0"\) pass', sim.warnings[0])
 
 
-def half_of_a_ball(side, cells=14, first=1.0 / 160.0):
-    """A quarter of a piece of a ball of radius 2 m around its lowest (`side` 1: highest) point, 1 m
-    high, in cells that grow from `first` [m] at that point on.
-    """
-    mesh = ts.box(size=(cells,) * 3, cells=(cells,) * 3)
-    x, y, z = np.rint(mesh.points).astype(int).T
-    across, deep = (lines(cells, first, length) for length in (0.5, 1.0))
-    r = np.hypot(across[x], across[y])
-    height = deep[z] + r**2 / 4.0 * (1.0 - deep[z])
-    tets = mesh.tets if side < 0 else np.asarray(mesh.tets)[:, [1, 0, 2, 3]]
-    return ts.tet_mesh(np.stack([across[x], across[y], -side * height], axis=1), tets)
-
-
-def lines(count, first, length):
-    """0 to `length` [m] in steps that grow by one factor."""
-    low, high = 1.0, 9.0
-    for _ in range(60):
-        factor = 0.5 * (low + high)
-        fits = first * (factor ** np.arange(count)).sum() < length
-        low, high = (factor, high) if fits else (low, factor)
-    return np.append(0.0, (first * factor ** np.arange(count)).cumsum())
-
-
-def test_two_balls_press_each_other_as_hertz_says():
-    """F = 4/3 E* √R* d^(3/2): eight elements in the contact's radius of .05 m; the tets are that
-    much too stiff with fewer (1.10 at five, 1.13 at three).  They start that deep inside each
-    other, their far sides held.
-    """
-    scene = ts.Scene(gravity=(0, 0, 0), frame_rate=20.0)
-    thick, way = 0.002, 0.0025
-    for side in (1, -1):
-        mesh = half_of_a_ball(side).transformed(translate=(0, 0, 0.5 * side * (way - thick)))
-        model = ts.ViscoElastic(young=1e5, poisson=0.3, density=1000.0, point_damping=30.0)
-        body = scene.add_body(mesh, model)
-        body.friction, body.thickness = 0.0, thick
-        for axis, place in enumerate((0.0, 0.0, side * (0.5 * (way - thick) - 1.0))):
-            low, high = np.full(3, -9.0), np.full(3, 9.0)
-            low[axis], high[axis] = place - 1e-9, place + 1e-9
-            body.pin(ts.where.box(low, high), "xyz"[axis])
-    sim = simulation(scene, threads=1)
-    sim.run(0.4)
-    pushed = sim.touching.fields.pushed.to_numpy() * sim.touching.fields.met.to_numpy()[:, None]
-    first, last = sim.touching.ranges[0]
-    force = -4.0 * pushed[first:last, 2].sum() / sim.steps[-1]
-    stiff = 0.5 * 1e5 / (1.0 - 0.3**2)
-    assert force == pytest.approx(4.0 / 3.0 * stiff * way**1.5, rel=0.05)
-
-
+@pytest.mark.slow
 def test_a_pile_of_twenty_comes_to_rest():
     """Cubes fall into a pen: in the end they lie still, none in another one or outside."""
     scene = ts.Scene(frame_rate=50.0)
