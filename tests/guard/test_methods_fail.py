@@ -200,7 +200,9 @@ def test_a_stretched_net_at_rest_is_no_growth_of_energy():
     """1250 J of tension whose rounding moves nodes in f32: out of nothing, by that measure."""
     cloth = ts.cloth(size=(1.37, 1.11), cells=(4, 3)).transformed(rotate=(20, 31, 47))
     length = np.linalg.norm(np.diff(cloth.points[cloth.edges], axis=1)[:, 0], axis=1)
-    springs = [[*map(int, edge), 1e3, 0.5 * l] for edge, l in zip(cloth.edges, length, strict=True)]
+    springs = [
+        [*map(int, edge), 1e3, 0.5 * long] for edge, long in zip(cloth.edges, length, strict=True)
+    ]
     rim = [n for n in range(20) if n % 5 in (0, 4) or n // 5 in (0, 3)]
     scene = failing.scene_of(
         ts.net(cloth.points, cloth.edges), ts.MassSpring(springs=springs, node_mass=0.1),

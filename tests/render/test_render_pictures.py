@@ -330,7 +330,7 @@ def test_pictures_that_cannot_be_drawn_are_refused(options):
 
 def test_bench_tells_the_time_of_every_stage(monkeypatch):
     """By a clock that goes on by a millisecond each time it is looked at."""
-    clock = SimpleNamespace(perf_counter=map(0.001.__mul__, itertools.count()).__next__)
+    clock = SimpleNamespace(perf_counter=map((0.001).__mul__, itertools.count()).__next__)
     monkeypatch.setattr(bench_render, "time", clock)
     row = bench_render.measure((64, 48), 1_000)
     assert list(row["stages"].values()) == pytest.approx([1.0] * 6)
