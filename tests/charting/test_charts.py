@@ -21,12 +21,12 @@ from tisoft.charting.linearly import linear_ruler
 from tisoft.charting.page import page
 from tisoft.charting.picture import files
 from tisoft.charting.places import Place
-from tisoft.charting.records import linear_static_of, static_of
+from tisoft.charting.records import Bench, linear_static_of, modes_of, static_of
 from tisoft.charting.rulers import Pair, agreed, ruler_of
 from tisoft.charting.ruling import Ruling
 from tisoft.charting.survey import Survey
 from tisoft.charting.thumbnails import picture
-from tisoft.charting.variants import Catalogue
+from tisoft.charting.variants import Catalogue, Variant
 from tisoft.equilibrium.statics import equilibrium
 from tisoft.errors import SceneError
 from tisoft.geometry.shapes import box
@@ -246,6 +246,45 @@ def test_nets_that_stand_for_themselves_vary_by_their_step_alone(tmp_path):
         catalogue = Catalogue(str(path), load_scene(path, settings), settings)
         assert catalogue.is_itself is alone and bool(list(catalogue.meshes())) is not alone
     assert len(list(catalogue.steps(1e-3))) == 4
+
+
+def test_nets_swing_about_the_answer_that_is_known_already(tmp_path):
+    path = tmp_path / "net.toml"
+    path.write_text("""
+    [[body]]
+    model = "mass-spring"
+    young = 1e5
+    density = 300
+    thickness = 0.002
+    [body.mesh]
+    cloth = { size = [1, 1], cells = [8, 8] }
+    [[body.pin]]
+    where = { box = [[-1, -1, -1], [2, 1, 1e-6]] }
+    """)
+    bench, now = Bench(str(path), [], {}), Variant("as it is", ())
+    anew = modes_of(load_scene(path), [])
+    assert bench.ask("static", now)["energy"] > 0.0
+    known = bench.ask("modes", now)
+    assert anew["about"] == known["about"] == "equilibrium"
+    assert known["frequencies"] == pytest.approx(anew["frequencies"], rel=1e-6)
+
+
+def test_what_time_did_not_suffice_for_is_not_tried_again_within_as_much(scene, monkeypatch):
+    asking, given = Survey(scene, 1e6, patient=True).asking, []
+    own = asking.bench.ask
+
+    def late(what, variant, seconds=np.inf):
+        if what == "size":
+            return own(what, variant)
+        given.append(seconds)
+        return {"error": "no time", "seconds": seconds, "worked": seconds}
+
+    monkeypatch.setattr(asking.bench, "ask", late)
+    now = asking.variants[0]
+    for _ in range(3):
+        assert asking.ask("static", now) is None
+        assert asking.needs("static", now) >= 2.0 * given[-1]
+    assert given[2] > 2.0 * given[1] > 4.0 * given[0] > 0.0
 
 
 def error_of(value, ruler):

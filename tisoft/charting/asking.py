@@ -14,6 +14,8 @@ from tisoft.charting.records import Bench
 from tisoft.charting.variants import Variant
 from tisoft.step.pace import CELLS_PER_THREAD
 
+LATE = 2.0
+"""Times what did not suffice for an answer, that it is supposed to need."""
 LONGEST = 3.0
 """Times the budget of advice, after which nothing tells what it is asked."""
 
@@ -37,10 +39,13 @@ class Asking:
     patience: Patience = field(default_factory=Patience)
     variants: list[Variant] = field(default_factory=list)
     """Those of which enough is known to be judged, in the order in which it came."""
+    _late: dict[tuple[str, tuple[str, ...]], float] = field(default_factory=dict)
+    """Seconds that did not suffice for an answer."""
 
     def __post_init__(self) -> None:
         self._clock = time.process_time if self.patient else time.perf_counter
         self._begun = self._clock()
+        self.bench.clock = self._clock
 
     def spent(self) -> float:
         """Seconds of the budget that are gone."""
@@ -54,12 +59,16 @@ class Asking:
             needs = self.needs(what, variant)
             if not always and self.spent() + needs > share * self.budget:
                 return None
+            if self.springs and what == "modes" and ("static", variant.settings) in self._late:
+                return None  # nets swing about their equilibrium, which would be late again
             self.tick(variant.name)
             until = min(share, 0.5) if always else share
             left = max(1.0, until * self.budget - self.spent())
             if self.patient:  # what others take does not count; what leads nowhere shall not last
                 left = LONGEST * self.budget if always else min(2.0 * left, 1.0 + 3.0 * needs)
             found = self.bench.ask(what, variant, left)
+            if what not in self.bench.record(variant):
+                self._late[what, variant.settings] = left
             seconds = found["worked" if self.patient else "seconds"]
             kind, size = self._kind(what, variant)
             self.patience.took(what, kind, size, seconds)
@@ -107,7 +116,8 @@ class Asking:
         if what == "path":
             # Its kernels are those of a timing, compiled first where none was of their kind.
             return self.patience.timing(kind) + 1.2 * self.cost(variant)[0] * self.duration
-        return self.patience.needs(what, kind, size)
+        late = self._late.get((what, variant.settings), 0.0)
+        return max(self.patience.needs(what, kind, size), LATE * late)
 
     def _kind(self, what: str, variant: Variant) -> tuple[tuple[str, ...], dict[str, Any]]:
         """What decides which kernels an answer needs, and the variant's size."""

@@ -82,19 +82,24 @@ class Judging:
         shared = self.shares_errors(variant)
         for what, truth in self.rulers.items():
             value = self.asking.quantity(shared, what)
-            if value is None and what == "sag" and self.linear is not None:
-                known = self.asking.known("linear static", shared)
-                if known is not None:
-                    errors[what] = self.linear.error(self.asking.sag_of(known))
-            elif value is None and what == "frequency":
-                if (far := self.foretold(shared, truth)) is not None:
-                    errors[what] = far
-            elif value is not None and np.shape(value) == np.shape(truth.value):
+            own = None
+            if value is None:
+                own = self.foretold(shared, truth) if what == "frequency" else None
+            elif np.shape(value) == np.shape(truth.value):
                 by_mode = what == "frequency"
-                errors[what] = (
-                    estimate.frequency_error(value, truth) if by_mode else truth.error(value)
-                )
+                own = estimate.frequency_error(value, truth) if by_mode else truth.error(value)
+            linear = self.linearly(shared) if what == "sag" else None
+            found = [error for error in (own, linear) if error is not None]
+            if found:
+                errors[what] = min(found, key=lambda error: error.bar)
         return errors
+
+    def linearly(self, variant: Variant) -> Error | None:
+        """The error of sag as linear elasticity tells it, where it does."""
+        known = self.asking.known("linear static", variant)
+        if self.linear is None or known is None:
+            return None
+        return self.linear.error(self.asking.sag_of(known))
 
     def foretold(self, variant: Variant, truth: Ruler) -> Error | None:
         """The error of frequencies from what coarser cells of the same kind err by; None where

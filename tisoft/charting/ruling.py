@@ -71,7 +71,10 @@ class Ruling:
                 self.take(pair, always=not rulers)
         for pair in pairs[1 : 2 if self.patient and tolerance else None] if rulers else []:
             is_new = not self.asking.has("static", pair.better)
-            if not (is_new and max(r.bar for r in rulers.values()) <= ENOUGH * tolerance):
+            room = QUICK * (self.budget - self.asking.spent()) if self.patient else math.inf
+            is_dear = self._misses(pair, self.quantities()) > room  # `sharpen` may come to it
+            is_sharp = is_new and max(r.bar for r in rulers.values()) <= ENOUGH * tolerance
+            if not (is_sharp or is_dear):
                 self.take(pair)
         if not rulers:
             raise SceneError(self._no_ruler(pairs))
@@ -147,10 +150,21 @@ class Ruling:
         """
         bars = {what: ruler.bar for what, ruler in self.judging.rulers.items()}
         wanted = [what for what in self.quantities() if bars.get(what, 1.0) > blunt]
+        some: tuple[Pair, list[str]] | None = None
         for pair in reversed(self.pairs()[1:]):
             room = SHARPENING * (self.share * self.budget - self.asking.spent())
-            if self._has_size(pair) and self._misses(pair, wanted) <= room:
+            if not self._has_size(pair):
+                continue
+            if self._misses(pair, wanted) <= room:
                 return pair.better if self._rule(pair, wanted, self.share) else None
+            if "sag" in wanted and self._misses(pair, wanted, linearly=True) <= room:
+                self._rule(pair, [what for what in wanted if what != "sag"], self.share)
+                self.find_linear([*self.pairs()[:2], pair])
+                return pair.better
+            cheap = [what for what in wanted if self._misses(pair, [what]) <= room]
+            some = some or ((pair, cheap[:1]) if cheap else None)
+        if some is not None and self._rule(*some, self.share):
+            return some[0].better
         return None
 
     def _has_size(self, pair: Pair) -> bool:
@@ -158,10 +172,13 @@ class Ruling:
         size = self.asking.size(pair.better)
         return size is not None and size["nodes"] <= LARGEST_RULER
 
-    def _misses(self, pair: Pair, quantities: Sequence[str]) -> float:
-        """Seconds of what is not known yet of a pair's quantities."""
+    def _misses(self, pair: Pair, quantities: Sequence[str], *, linearly: bool = False) -> float:
+        """Seconds of what is not known yet of a pair's quantities; linearly: of sag as linear
+        elasticity has it."""
         variants = [v for v in (pair.worse, pair.better, pair.coarser) if v is not None]
         works = [self.works[what] for what in quantities]
+        if linearly:
+            works = ["linear static" if work == "static" else work for work in works]
         return sum(
             self.asking.needs(work, v) for v in variants for work in works
             if not self.asking.has(work, v)
@@ -228,22 +245,21 @@ class Ruling:
         """Those that may become the ruler."""
         return list(pairs_of(self.catalogue, twin=False))
 
-    def find_linear(self) -> None:
-        """Linear elasticity on the meshes of the ruler, for variants whose static answer takes
-        longer than there is time."""
+    def find_linear(self, pairs: Sequence[Pair]) -> None:
+        """Linear elasticity on the meshes of pairs, for variants whose static answer takes longer
+        than there is time."""
         now = self.catalogue.current
         sag, own = self.judging.rulers.get("sag"), self.asking.quantity(now, "sag")
         linear = self.linearly(now)
         if sag is None or own is None or linear is None:
             return
-        rulers = []
-        for pair in self.pairs():
-            if self.asking.known("static", pair.better) and pair.told is None:
-                worse, better = self.linearly(pair.worse), self.linearly(pair.better)
-                if worse is not None and better is not None:
-                    rulers.append(ruler_of("sag", [worse, better], pair))
-        if rulers:
-            best = min(rulers, key=lambda ruler: ruler.bar)
+        best: estimate.Ruler | None = None
+        for pair in pairs:
+            worse, better = self.linearly(pair.worse), self.linearly(pair.better)
+            if worse is not None and better is not None:
+                made = ruler_of("sag", [worse, better], pair)
+                best = made if best is None else agreed(best, made)
+        if best is not None:
             self.judging.linear = linear_ruler(best, sag.error(own), linear)
 
     def linearly(self, variant: Variant) -> Any:

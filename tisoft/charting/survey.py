@@ -120,7 +120,10 @@ class Survey:
             return
         self.ruling.find(tolerance)
         if self.patient and any(self._is_long(v) for v in candidates):
-            self.ruling.find_linear()
+            self.ruling.find_linear([
+                pair for pair in self.ruling.pairs()
+                if self.asking.known("static", pair.better) and pair.told is None
+            ])  # fmt: skip
         for share in (QUICK, self.ruling.share) if self.patient else (self.ruling.share,):
             for variant in sorted(candidates, key=self._wait):
                 if tolerance and self._is_hopeless(variant, tolerance):

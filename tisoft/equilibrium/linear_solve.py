@@ -39,21 +39,25 @@ AGED = 25
 MOST_ITERATIONS = 5000
 
 
-_latest: list[float] = []
+_latest: list[tuple[Callable[[], float], float]] = []
 
 
 @contextmanager
-def latest(seconds: float) -> Iterator[None]:
-    """Let solves inside raise OutOfTime once so many seconds are over, compiling left out."""
-    _latest.append(_clock() + seconds)
+def latest(seconds: float, clock: Callable[[], float] = time.perf_counter) -> Iterator[None]:
+    """Let solves inside raise OutOfTime once so many seconds are over on a clock, compiling left
+    out."""
+    _latest.append((clock, clock() - runtime.compile_seconds + seconds))
     try:
         yield
     finally:
         _latest.pop()
 
 
-def _clock() -> float:
-    return time.perf_counter() - runtime.compile_seconds
+def _is_late() -> bool:
+    if not _latest:
+        return False
+    clock, end = _latest[-1]
+    return clock() - runtime.compile_seconds > end
 
 
 def conjugate_gradients(
@@ -186,7 +190,7 @@ class Solver:
         downhill.
         """
         self.iterations += 1
-        if _latest and _clock() > _latest[-1]:
+        if _is_late():
             raise OutOfTime("there was no time to find the equilibrium")
         r = self._bound(self.gather(right))
         self.balance.look(u, factor)
