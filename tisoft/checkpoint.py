@@ -37,7 +37,7 @@ from tisoft.obstacles import OBSTACLES
 from tisoft.region_material import RegionMaterial
 from tisoft.whole_files import written
 
-VERSION = 6
+VERSION = 7
 DIGEST = hashlib.sha256().digest_size
 
 _CLASSES: dict[str, Any] = {

@@ -28,7 +28,6 @@ from tisoft.stable.guard import Guard
 from tisoft.step.grab import Grab
 from tisoft.step.pins import SAME_TIME
 from tisoft.told import Told, told_of
-from tisoft.touch.easing import set_left
 
 Floats = NDArray[np.float64]
 
@@ -135,7 +134,7 @@ class Motion(Present):
     def _is_changing(self) -> bool:
         """Whether what acts on the bodies is another thing from frame to frame, or a hand pulls."""
         moved = self.holder.is_moving or self.loading.changes or self.moves_obstacles or self.shakes
-        return moved or self.is_pushing or bool(self.hands.held)
+        return moved or self.pushing.goes_on or bool(self.hands.held)
 
     def _looked(self, substeps: int) -> None:
         """Note substeps, and look where that is due."""
@@ -149,13 +148,13 @@ class Motion(Present):
             self.watch.look(self.time)
             self._look_inside()
             self._recenter(since)
-            self._stop_pushing()
+            self.pushing.stop()
             self.look_for_contact()
 
     def _look_inside(self) -> None:
         """See how deep surfaces are in obstacles, where those fit between nodes."""
         obstacles = self._obstacles
-        if self.is_pushing or not any(radius_of(obstacle) for obstacle in obstacles):
+        if self.pushing.goes_on or not any(radius_of(obstacle) for obstacle in obstacles):
             return
         rule = self.scene.integrator
         parts = [p for p in self.parts if not (self.touching and faces_meet(p.body, rule))]
@@ -301,8 +300,7 @@ class Motion(Present):
     def stretches(self, count: int, substeps: int, step: float, most_kinetic: float) -> int:
         """Make bare stretches; returns how many were made (see `Stepper.stretches`)."""
         before = self.steps[-1] if self.steps and not self.remade else step
-        if self._easing is not None and self.touching is not None:
-            set_left(self.touching, self._easing, self.time)
+        self.pushing.tell_left()
         self.schedule.begin(
             self.time,
             substeps,

@@ -25,7 +25,7 @@ from tisoft.model.system import System
 from tisoft.moving import STILL, moves
 from tisoft.obstacles import OBSTACLES
 from tisoft.obstacles.base import NUMBERS
-from tisoft.pushing import depths_of, push_time
+from tisoft.pushing_out import PushingOut
 from tisoft.scene import Scene
 from tisoft.stable.guard import Recovery
 from tisoft.stable.limit import StepLimit
@@ -37,18 +37,13 @@ from tisoft.step.observe import energy_table
 from tisoft.step.pins import Holder
 from tisoft.step.schedule import Acting, Schedule, obstacle_signal
 from tisoft.step.stepper import Rules, Stepper
-from tisoft.touch import easing
 from tisoft.touch.meetings import stands
-from tisoft.touch.overlap import stuck
-from tisoft.touch.starts import unseen
 from tisoft.touch.touching import touching_of
 
 Floats = NDArray[np.float64]
 
 AGAIN = 32
 """Substeps after which the stable step is looked at again, at the end of a frame."""
-OUT = 1e-6
-"""Depth, as a share of a body's size, that contact puts out at once."""
 
 
 class Present:
@@ -85,12 +80,7 @@ class Present:
         """Substeps since the limit was looked at."""
         self.next_look = 1
         """Substeps after which it is to be looked at again."""
-        self.pushes = [STILL] * len(scene.bodies)
-        """Speed [m/s] at which obstacles push each body's nodes out; STILL where none is inside."""
-        self._easing: easing.Easing | None = None
-        """What of surfaces is pushed out of what."""
-        self.unplaced = False
-        """Whether bodies or obstacles have been put elsewhere since that was looked at."""
+        self.pushing = PushingOut(self)
         self.remade = False
         """Whether materials have changed since the last substep: the kick that leads from one step
         to another is of forces that both know."""
@@ -132,7 +122,7 @@ class Present:
 
     def _compile(self, ledger: bool) -> None:
         self._obstacles = tuple(self.scene.obstacles)
-        self._push_out()
+        self.pushing.begin()
         self.place_obstacles()
         self.look_for_contact()
         self.account = Account(0.0) if ledger else None
@@ -141,7 +131,7 @@ class Present:
         self._set_inputs()
         self.limit.follow()
         self.stepper.compile()
-        self._ease()
+        self.pushing.ease()
         if ledger:
             self.open_account()
 
@@ -240,118 +230,29 @@ class Present:
         if self._obstacles:
             shapes = list(OBSTACLES.values())
             kinds = [shapes.index(type(o)) for o in self._obstacles]
-            speeds = self._speeds()
+            speeds = self.pushing.table(len(self._obstacles))
             self.system.set_obstacles(self._obstacles, kinds, self.time, speeds)
             self.system.order("orders", columns.EASES, int((speeds < STILL).any()))
         if self.touching is not None:
             self.touching.place_origins()
 
+    def put_anew(self) -> None:
+        """Say that bodies have been put elsewhere: what is inside of something comes out slowly."""
+        self.pushing.begin()
+        self.place_obstacles()
+        self.pushing.is_due = True
+
     def _meet_anew(self, obstacles: list[Any]) -> None:
         """Take other obstacles: what faces may meet of them, or of those before."""
         if not any(stands(obstacle) for obstacle in obstacles):
             return
-        self._easing = None
+        self.pushing.easing = None
         old, self.touching = self.touching, touching_of(self.scene, self.system, fresh=False)
         if old is not None:
             old.end()
         if self.touching is None:
             self.meets = False
         self.look_for_contact()
-
-    def _push_out(self) -> None:
-        """Let bodies that are inside obstacles be pushed out slowly: at once would be a blow."""
-        world = self.system.world()
-        for k, part in enumerate(self.system.parts):
-            for number, depths in enumerate(self._depths(part, world)):
-                deepest = float(depths.max())
-                if deepest > 0.0:
-                    seconds = self._push_time(part, deepest)
-                    known, speed = self.pushes[k], deepest / seconds
-                    self.pushes[k] = speed if known == STILL else max(known, speed)
-                    count = int((depths > 0.0).sum())
-                    name, push = part.body.name, (deepest, self.time, seconds)
-                    self.watch.note_push(name, f"obstacle[{number}]", count, push)
-
-    def put_anew(self) -> None:
-        """Say that bodies have been put elsewhere: what is inside of something comes out slowly."""
-        self._push_out()
-        self.place_obstacles()
-        self.unplaced = True
-
-    def _ease(self) -> None:
-        """Let surfaces that are inside obstacles or each other come out slowly."""
-        self._easing, self.unplaced = None, False
-        touching, world = self.touching, self.system.world()
-        if touching is None:
-            return
-        deep = []
-        if self.meets and touching.meetings.may_overlap(world, self.time):
-            deep = easing.measured(touching, self.stepper.find_depths)
-        if deep:
-            seconds = [
-                self._push_time(touching.touchers[k].part, depth)
-                for *bodies, depth in deep
-                for k in bodies
-                if k < len(touching.touchers)
-            ]
-            self._easing = easing.Easing(self.time, max(seconds), deep)
-            self.place_obstacles()
-            easing.set_easing(touching, self._easing, self.time)
-        for name, number, depth in unseen(touching, world, deep, self.time):
-            if not self.frame:
-                raise stuck(name, number, depth)
-            self.watch.note_stuck(name, f"obstacle[{number}]", (depth, self.time))
-        for name, other, depth in touching.meetings.overlaps(deep):
-            assert self._easing is not None
-            self.watch.note_push(name, other, 0, (depth, self.time, self._easing.seconds))
-
-    @property
-    def easing(self) -> list[Any] | None:
-        """What a checkpoint keeps of surfaces that are pushed out."""
-        found = self._easing
-        return None if found is None else [found.began, found.seconds, found.deep]
-
-    def go_on_easing(self, known: list[Any] | None) -> None:
-        """Push out what `easing` told."""
-        self._easing = None if known is None else easing.Easing(*known)
-        if self.touching is not None and self.meets:
-            easing.set_easing(self.touching, self._easing, self.time)
-
-    def _speeds(self) -> Floats:
-        """Speeds [m/s] at which nodes are put out of obstacles, shape (bodies, obstacles): those
-        that faces come out of take them along.
-        """
-        speeds = np.repeat(np.array(self.pushes)[:, None], len(self._obstacles), axis=1)
-        if self._easing is not None and self.touching is not None:
-            for part, number in self.touching.meetings.cores_in(self._easing.deep):
-                speeds[part.index, number] = 0.0
-        return speeds
-
-    def _stop_pushing(self) -> None:
-        """Let contact act at once again on bodies that are out."""
-        if not self.is_pushing:
-            return
-        if self._easing is not None and self._easing.left(self.time) <= 0.0:
-            self.go_on_easing(None)
-        world = self.system.world()
-        for k, part in enumerate(self.system.parts):
-            deepest = max((d.max() for d in self._depths(part, world)), default=0.0)
-            if deepest <= OUT * part.size:
-                self.pushes[k] = STILL
-        self.place_obstacles()
-
-    def _depths(self, part: Part, world: Floats) -> list[Floats]:
-        """How deep what meets obstacles of a body is inside of each [m]."""
-        here = world[part.nodes]
-        return [depths_of(part, obstacle, here, self.time) for obstacle in self.scene.obstacles]
-
-    def _push_time(self, part: Part, depth: float) -> float:
-        return push_time(part, depth, self.limit.rest_bound(), strongest(self.scene.gravity))
-
-    @property
-    def is_pushing(self) -> bool:
-        """Whether a body is being pushed out of an obstacle or another body."""
-        return self._easing is not None or any(push < STILL for push in self.pushes)
 
     @property
     def moves_obstacles(self) -> bool:
@@ -384,8 +285,8 @@ class Present:
             self._obstacles = asked
             self._meet_anew([*known, *asked])
             if not _go_on(known, asked, self.time):
-                self._push_out()
-                others = self.unplaced = True
+                self.pushing.begin()
+                others = self.pushing.is_due = True
             self.place_obstacles()
             shaken = True
         if shaken:
@@ -396,8 +297,8 @@ class Present:
             self.stepper = self._make_stepper()
             self.stepper.compile()
         self.stepper.loaded = self._is_loaded()
-        if self.unplaced:
-            self._ease()
+        if self.pushing.is_due:
+            self.pushing.ease()
         return others
 
     def rehearse(self) -> None:
@@ -489,7 +390,7 @@ class Present:
     def is_driven(self) -> bool:
         """Whether loads, hands, moved pins or obstacles do work on the bodies."""
         loads = any(part.body.loads for part in self.system.parts)
-        moved = self.holder.is_moving or self.moves_obstacles or self.is_pushing or self.shakes
+        moved = self.holder.is_moving or self.moves_obstacles or self.pushing.goes_on or self.shakes
         return moved or loads or bool(self.hands.held)
 
     def remedies(self) -> str:
@@ -501,7 +402,7 @@ class Present:
             found.append("move obstacles more slowly")
         if self.shakes:
             found.append("let gravity change more slowly")
-        if self.is_pushing:
+        if self.pushing.goes_on:
             found.append("place bodies clear of obstacles")
         return ", ".join([*found, "make the material stiffer", "or mend the element"])
 

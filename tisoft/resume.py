@@ -16,7 +16,7 @@ from tisoft.stable.guard import Recovery
 
 COUNTERS = (
     "time", "frame", "substeps", "since_look", "next_look", "center_due", "wall_seconds",
-    "half_step_lag", "pushes", "unplaced", "meets", "origin",
+    "half_step_lag", "meets", "origin",
 )  # fmt: skip
 ARRAYS = ("u", "v", "held", "drive", "load", "pressed")
 """The nodes' state; the last four, of the frame just made, tell reactions and velocities."""
@@ -31,7 +31,7 @@ def save(
         "precision": simulation.precision,
         "certify": simulation.certify,
         "numbers": {name: getattr(simulation, name) for name in COUNTERS},
-        "easing": simulation.easing,
+        "pushing": simulation.pushing.state(),
         "recoveries": [vars(recovery) for recovery in simulation.recoveries],
         "limit": simulation.limit.state() if simulation.guard else None,
         "guard": simulation.guard.state() if simulation.guard else None,
@@ -89,5 +89,4 @@ def put(simulation: Motion, content: Any, arrays: dict[str, NDArray[Any]]) -> No
         simulation.open_account()
         assert simulation.account is not None
         simulation.account.set_state(content["ledger"])
-    simulation.place_obstacles()
-    simulation.go_on_easing(content["easing"])
+    simulation.pushing.set_state(content["pushing"])

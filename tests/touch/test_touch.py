@@ -407,10 +407,11 @@ def test_what_starts_inside_between_nodes_is_pushed_out_at_a_speed_that_no_step_
         scene.gravity, scene.step = (0, 0, 0), step
         body.mesh = body.mesh.transformed(translate=(0, -0.025 if kind != "rod" else 0.0, 0))
         sim = simulation(scene, threads=1)
-        (deepest,), seconds = {depth for *_, depth in sim.easing[2]}, sim.easing[1]
+        eased = sim.pushing.easing
+        (deepest,), seconds = {depth for *_, depth in eased.deep}, eased.seconds
         assert deepest == pytest.approx(0.005, abs=GAP)
         sim.run(seconds + 0.1)
-        assert not sim.is_pushing and sim.recoveries == []
+        assert not sim.pushing.goes_on and sim.recoveries == []
         assert "inside obstacle[0], 0.005 m deep" in sim.warnings[0]
         told = sim.energy()
         assert 0.0 < told["dissipated"] < told["external_work"]
