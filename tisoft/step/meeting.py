@@ -132,30 +132,29 @@ def left(s: ti.template(), i, p, h):
     """How far node i may have gone by the end of the next substep, as a share of what it may."""
     way = (s.state.rest[i] + s.state.displacement[i] - s.surfaces.listed[p]).norm()
     way += 2.0 * h * s.state.velocity[i].norm()
-    return way / s.surfaces.number[s.surfaces.body[p], f.ALLOWED]
+    return way / s.surfaces.allowed[p]
 
 
 @ti.func
-def note_way(s: ti.template(), p):
-    """Raise what is the most of point p's body: way since the search [m], speed [m/s].  A maximum
-    is the same in any order; few points raise it.
+def note_gone(s: ti.template(), p, h):
+    """Write, and return, how far point p of a body will have gone since the search without
+    contact [m]; 0 where no other body is near.
     """
-    body = s.surfaces.body[p]
-    if s.surfaces.trait[body, f.NEAR]:
-        far = (s.surfaces.place[p] - s.surfaces.listed[p]).norm()
-        fast = s.surfaces.kicked[p].norm()
-        if far > s.surfaces.number[body, f.WAY]:
-            ti.atomic_max(s.surfaces.number[body, f.WAY], far)
-        if fast > s.surfaces.number[body, f.SPEED]:
-            ti.atomic_max(s.surfaces.number[body, f.SPEED], fast)
+    gone = 0.0 * h
+    if s.surfaces.trait[s.surfaces.body[p], f.NEAR]:
+        gone = (s.surfaces.place[p] - s.surfaces.listed[p]).norm() + h * s.surfaces.kicked[p].norm()
+    s.surfaces.gone[p] = gone
+    return gone
 
 
 @ti.func
-def note_standing(s: ti.template(), q, t, threads):
-    """The same of thread t's points of obstacles."""
+def note_standing(s: ti.template(), q, t, threads, h):
+    """The same of thread t's points of obstacles, the most."""
+    most = 0.0 * h
     low, high = s.surfaces.order[q, f.STANDING], s.surfaces.order[q, f.POINT_END]
     for p in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
-        note_way(s, p)
+        most = ti.max(most, note_gone(s, p, h))
+    return most
 
 
 @ti.func
@@ -166,7 +165,7 @@ def left_standing(s: ti.template(), q, t, threads, h):
     for p in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
         way = (s.surfaces.place[p] - s.surfaces.listed[p]).norm()
         way += 3.0 * h * s.surfaces.velocity[p].norm()
-        most = ti.max(most, way / s.surfaces.number[s.surfaces.body[p], f.ALLOWED])
+        most = ti.max(most, way / s.surfaces.allowed[p])
     return most
 
 
@@ -202,14 +201,16 @@ def touch_nodes(s: ti.template(), scene, t, threads, phase, now):
         if moving:
             stand_all(s, q, t, threads)
     if is_met:
+        gone = 0.0 * now.h
         if ti.static(s.contact):
             if moving:
-                note_standing(s, q, t, threads)
+                gone = note_standing(s, q, t, threads, now.h)
         for i in range(first, last):
             kick(s, i, i + back, i + base, now)
             p = s.surfaces.point[i + base]
             if p >= 0:
-                note_way(s, p)
+                gone = ti.max(gone, note_gone(s, p, now.h))
+        s.surfaces.most[thread + t, f.GONE] = gone
         phase += 1
         meet(s, scene, phase, threads)
         rows = 0
@@ -217,13 +218,10 @@ def touch_nodes(s: ti.template(), scene, t, threads, phase, now):
             if k == 1:
                 phase += 1
                 meet(s, scene, phase, threads)
-            rows = find_rows(s.surfaces, q, t, eases and k == 0, eases, now.h)
+            rows = find_rows(s.surfaces, q, t, threads, eases and k == 0, eases, now.h)
         s.surfaces.most[thread + t, f.WORST] = rows
         phase += 1
         meet(s, scene, phase, threads)
-        for b in range(s.surfaces.order[q, f.BODY], s.surfaces.order[q, f.BODY_END]):
-            if b % threads == t:
-                s.surfaces.number[b, f.WAY], s.surfaces.number[b, f.SPEED] = 0.0, 0.0
         if t == 0 and eases:
             falls = now.h * s.surfaces.length[q, f.RATE]
             s.surfaces.length[q, f.LEFT] = ti.max(s.surfaces.length[q, f.LEFT] - falls, 0.0)

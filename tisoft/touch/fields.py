@@ -34,16 +34,13 @@ leave its triangles alone, its row of `State.obstacle`; how many bodies are near
 of points and edges begin, and end."""
 BEGIN, END, OWNER = range(3)
 """Columns of `Touch.patch`: its rows, and its body."""
-(HALF, FRICTION, DEPTH, ALLOWED, SHARE, EASE, GROW, AHEAD, WAY, SPEED,
- NUMBERS) = range(11)  # fmt: skip
+HALF, FRICTION, DEPTH, SHARE, EASE, GROW, AHEAD, NUMBERS = range(8)
 """Columns of `Touch.number`: half the thickness, or a core's radius [m], Coulomb's coefficient,
-depth of push [m], way [m] that a point may go before the next search, share that it takes of the
-other's half, most of a penetration that counts, how far it reaches beyond its points [m];
-its share of a pair's margin [m]; how far its points have gone since the search [m], and their speed
-[m/s]."""
+depth of push [m], share that it takes of the other's half, most of a penetration that counts, how
+far it reaches beyond its points [m]; the most of its points' `ahead` [m]."""
 FACE_START, FACE_STOP, EDGE_START, EDGE_STOP, FACES_NEAR, EDGES_NEAR = range(6)
 """Columns of `Touch.segment`: each thread's pairs, and how many of them have rows."""
-WORST, STALE, BLOWN = range(3)
+WORST, STALE, BLOWN, GONE = range(4)
 """Columns of `Touch.most`: each thread's maxima, and whether a body has blown up."""
 
 
@@ -101,6 +98,12 @@ class Touch:
         """The same at the last search [m]."""
         self.seen = field(vec3, "points")
         """From the scene's middle at the last search [m]."""
+        self.ahead = field(real, "points")
+        """Its share of a pair's margin [m]."""
+        self.allowed = field(real, "points")
+        """Way that it may go before the next search [m]."""
+        self.gone = field(real, "points")
+        """Way that it will have gone since the last search at the substep's end [m]."""
         self.velocity = field(vec3, "points")
         """[m/s]."""
         self.kicked = field(vec3, "points")
@@ -184,6 +187,8 @@ class Touch:
         self.patch_high = field(vec3, "patches")
         self.patch_speed = field(real, "patches")
         """Of its fastest point [m/s]."""
+        self.patch_ahead = field(real, "patches")
+        """The most of its points' [m]."""
         self.candidate = field(ti.i32, "candidates")
         """Each thread's points, or edges, near a patch of triangles, or edges."""
         self.group = field(ti.i32, "candidates", 2)
@@ -206,7 +211,7 @@ class Touch:
         self.sunk = field(real, "couples")
         """How deep they were in each other when pushing them out began [m]."""
         self.segment = field(ti.i32, "threads", 6)
-        self.most = field(real, "threads", 3)
+        self.most = field(real, "threads", 4)
         self.order = field(ti.i32, "scenes", ORDERS)
         self.length = field(wide, "scenes", LENGTHS)
         self.tree = builder.finalize()
@@ -215,9 +220,9 @@ class Touch:
     def bytes_of(structure: str, rows: dict[str, int]) -> int:
         """Memory that the fields take [bytes]."""
         real = 8 if structure == "f64" else 4
-        points = rows["points"] * (26 * real + 28) + rows["nodes"] * (6 * real + 4)
+        points = rows["points"] * (29 * real + 28) + rows["nodes"] * (6 * real + 4)
         return points + rows["triangles"] * 28 + rows["fans"] * 8 + rows["edges"] * 16 + (
-            rows["pairs"] * (20 * real + 80) + rows["patches"] * (7 * real + 12)
+            rows["pairs"] * (20 * real + 80) + rows["patches"] * (8 * real + 12)
         )  # fmt: skip
 
     def destroy(self) -> None:

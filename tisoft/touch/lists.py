@@ -15,6 +15,7 @@ from tisoft.touch.near import (
     couple_of,
     find_near,
     measure_bodies,
+    measure_edges,
     measure_points,
     meets,
     neighbours,
@@ -101,9 +102,10 @@ def pair_cores(touch: ti.template(), q, i, n, stop):
     ids = ti.Vector([touch.triangle[i, 0], touch.triangle[i, 1], touch.triangle[i, 2]])
     a, b, c = touch.seen[ids[0]], touch.seen[ids[1]], touch.seen[ids[2]]
     body = touch.body[ids[0]]
+    ahead = ti.max(touch.ahead[ids[0]], touch.ahead[ids[1]], touch.ahead[ids[2]])
     lo, hi = ti.min(a, b, c), ti.max(a, b, c)
     for core in range(touch.order[q, f.CORES], touch.order[q, f.BODY_END]):
-        reach = reach_of(touch, q, body, core)
+        reach = reach_of(touch, q, body, core, ahead + touch.number[core, f.AHEAD])
         is_near = meets(lo - reach, hi + reach, touch.low[core], touch.high[core])
         if is_near and touch.may[couple_of(touch, q, body, core)]:
             p, r = touch.trait[core, f.FIRST], touch.number[core, f.HALF]
@@ -173,14 +175,17 @@ def find_faces(touch: ti.template(), q, t, threads):
         if touch.trait[body, f.BARE] == 0 and touch.trait[body, f.NEAR]:
             begin, end = touch.patch[k, f.BEGIN], touch.patch[k, f.END]
             lo, hi = face_box(touch, begin)
+            ahead = 0.0 * lo[0]
             for i in range(begin, end):
                 low_i, high_i = face_box(touch, i)
                 lo, hi = ti.min(lo, low_i), ti.max(hi, high_i)
+                for c in range(3):
+                    ahead = ti.max(ahead, touch.ahead[touch.triangle[i, c]])
                 if touch.trait[body, f.OBSTACLE] == 0 and is_blown(touch, q, low_i, high_i):
                     touch.most[own, f.BLOWN] = 1.0
             last = row
             if touch.most[own, f.BLOWN] == 0.0:
-                last = find_near(touch, q, body, lo, hi, f.OWN_POINTS, row)
+                last = find_near(touch, q, body, lo, hi, ahead, f.OWN_POINTS, row)
             for i in range(begin, end):
                 if touch.trait[body, f.OBSTACLE] == 0:
                     n = pair_cores(touch, q, i, n, stop)
@@ -202,8 +207,8 @@ def find_edges(touch: ti.template(), q, t, threads):
         body = touch.patch[k, f.OWNER]
         blown = touch.most[own, f.BLOWN] > 0.0
         if touch.trait[body, f.OBSTACLE] == 0 and touch.trait[body, f.NEAR] and not blown:
-            lo, hi = touch.patch_low[k], touch.patch_high[k]
-            last = find_near(touch, q, body, lo, hi, f.OWN_EDGES, row)
+            lo, hi, ahead = touch.patch_low[k], touch.patch_high[k], touch.patch_ahead[k]
+            last = find_near(touch, q, body, lo, hi, ahead, f.OWN_EDGES, row)
             if last > row:
                 for i in range(touch.patch[k, f.BEGIN], touch.patch[k, f.END]):
                     n = pair_edges(touch, q, i, ti.Vector([row, last]), n, stop)
@@ -255,6 +260,7 @@ def search(s: ti.template(), touch: ti.template(), scene, q, t, threads, phase, 
     measure_bodies(touch, q, t, threads, now.h)
     phase += 1
     meet(s, scene, phase, threads)
+    measure_edges(touch, q, t, threads)
     shrunk = ti.cast(1.0, touch.real)
     again = 1
     while again:

@@ -316,28 +316,39 @@ def is_nearest(touch: ti.template(), z):
 
 
 @ti.func
-def asleep_beyond(touch: ti.template(), q, h):
-    """Distance [m] at the search from which on all pairs sleep, whoever their bodies are."""
-    most = 0.0 * h
-    for b in range(touch.order[q, f.BODY], touch.order[q, f.BODY_END]):
-        most = ti.max(most, touch.number[b, f.WAY] + h * touch.number[b, f.SPEED])
-    near = SEEN * touch.length[q, f.THICK] + touch.length[q, f.SUNK]
-    return ti.cast(near, touch.real) + 2.0 * most
+def asleep_beyond(touch: ti.template(), q, threads):
+    """Distance [m] at the search from which on all pairs sleep, whichever their points are."""
+    thread = touch.order[q, f.THREAD]
+    most = touch.most[thread, f.GONE]
+    for t in range(1, threads):
+        most = ti.max(most, touch.most[thread + t, f.GONE])
+    return near_of(touch, q) + 2.0 * most
 
 
 @ti.func
-def is_awake(touch: ti.template(), q, z, h):
-    """Whether the bodies of pair z may have come together since the search."""
-    b, c = touch.body[touch.ends[z, 0]], touch.body[touch.ends[z, 3]]
-    way = touch.number[b, f.WAY] + touch.number[c, f.WAY]
-    way += h * (touch.number[b, f.SPEED] + touch.number[c, f.SPEED])
+def near_of(touch: ti.template(), q):
+    """Distance [m] beyond which a pair does nothing."""
     near = SEEN * touch.length[q, f.THICK] + touch.length[q, f.SUNK]
-    return touch.distance[z] < ti.cast(near, touch.real) + way
+    return ti.cast(near, touch.real)
 
 
 @ti.func
-def find_rows(touch: ti.template(), q, t, measures, eases, h):
-    """Thread t's rows of this substep; returns how many.  Pairs of bodies that have not gone far
+def is_awake(touch: ti.template(), q, z, kind):
+    """Whether the points of pair z may have come together since the search."""
+    one, other = touch.gone[touch.ends[z, 0]], touch.gone[touch.ends[z, 1]]
+    far = ti.max(touch.gone[touch.ends[z, 2]], touch.gone[touch.ends[z, 3]])
+    if kind == 0:
+        far = ti.max(far, other)
+        other = one
+        if touch.order[q, f.MOVING]:
+            if touch.trait[touch.body[touch.ends[z, 0]], f.ROUND] > POINT:
+                other = touch.gone[touch.ends[z, 0] + 1]
+    return touch.distance[z] < near_of(touch, q) + ti.max(one, other) + far
+
+
+@ti.func
+def find_rows(touch: ti.template(), q, t, threads, measures, eases, h):
+    """Thread t's rows of this substep; returns how many.  Pairs whose points have not gone far
     enough since the search sleep.
 
     Args:
@@ -345,7 +356,7 @@ def find_rows(touch: ti.template(), q, t, measures, eases, h):
         eases: whether bodies are pushed out of each other: points then by their nearest faces.
     """
     own = touch.order[q, f.THREAD] + t
-    far, count = asleep_beyond(touch, q, h), 0
+    far, count = asleep_beyond(touch, q, threads), 0
     for kind in range(2):
         begin, n = touch.segment[own, 2 * kind], 0
         for z in range(begin, touch.segment[own, 2 * kind + 1]):
@@ -353,7 +364,7 @@ def find_rows(touch: ti.template(), q, t, measures, eases, h):
             behind = -1e30 + 0.0 * h
             awake = 0
             if touch.distance[z] < far:
-                awake = is_awake(touch, q, z, h)
+                awake = is_awake(touch, q, z, kind)
             if awake:
                 drift, w, normal, distance, ok = row_of(touch, z, kind)
                 if ok:
@@ -387,7 +398,8 @@ def find_depths(touch: ti.template(), q, h):
         touch.sunk[first + k] = 0.0
     own = touch.order[q, f.THREAD]
     if touch.order[q, f.COUNT] > 0:
-        find_rows(touch, q, 0, 1, False, h)
+        touch.most[own, f.GONE] = 0.0
+        find_rows(touch, q, 0, 1, 1, False, h)
         for kind in range(2):
             for z in range(touch.segment[own, 2 * kind], touch.segment[own, 2 * kind + 1]):
                 if touch.behind[z] > 0.0 and is_nearest(touch, z):
