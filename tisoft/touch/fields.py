@@ -38,8 +38,10 @@ HALF, FRICTION, DEPTH, SHARE, EASE, GROW, AHEAD, NUMBERS = range(8)
 """Columns of `Touch.number`: half the thickness, or a core's radius [m], Coulomb's coefficient,
 depth of push [m], share that it takes of the other's half, most of a penetration that counts, how
 far it reaches beyond its points [m]; the most of its points' `ahead` [m]."""
-FACE_START, FACE_STOP, EDGE_START, EDGE_STOP, FACES_NEAR, EDGES_NEAR = range(6)
-"""Columns of `Touch.segment`: each thread's pairs, and how many of them have rows."""
+(FACE_START, FACE_STOP, EDGE_START, EDGE_STOP, FACES_NEAR, EDGES_NEAR, PATCH_START, PATCH_STOP,
+ SEGMENTS) = range(9)  # fmt: skip
+"""Columns of `Touch.segment`: each thread's pairs, how many of them have rows, and its patches of
+triangles."""
 WORST, STALE, BLOWN, GONE = range(4)
 """Columns of `Touch.most`: each thread's maxima, and whether a body has blown up."""
 
@@ -189,6 +191,8 @@ class Touch:
         """Of its fastest point [m/s]."""
         self.patch_ahead = field(real, "patches")
         """The most of its points' [m]."""
+        self.patch_work = field(ti.i32, "patches")
+        """Points that its triangles looked at in the last search, and pairs that they made."""
         self.candidate = field(ti.i32, "candidates")
         """Each thread's points, or edges, near a patch of triangles, or edges."""
         self.group = field(ti.i32, "candidates", 2)
@@ -210,7 +214,7 @@ class Touch:
         """Bodies near each, from its first row on."""
         self.sunk = field(real, "couples")
         """How deep they were in each other when pushing them out began [m]."""
-        self.segment = field(ti.i32, "threads", 6)
+        self.segment = field(ti.i32, "threads", SEGMENTS)
         self.most = field(real, "threads", 4)
         self.order = field(ti.i32, "scenes", ORDERS)
         self.length = field(wide, "scenes", LENGTHS)
@@ -222,7 +226,7 @@ class Touch:
         real = 8 if structure == "f64" else 4
         points = rows["points"] * (29 * real + 28) + rows["nodes"] * (6 * real + 4)
         return points + rows["triangles"] * 28 + rows["fans"] * 8 + rows["edges"] * 16 + (
-            rows["pairs"] * (20 * real + 80) + rows["patches"] * (8 * real + 12)
+            rows["pairs"] * (20 * real + 80) + rows["patches"] * (8 * real + 16)
         )  # fmt: skip
 
     def destroy(self) -> None:

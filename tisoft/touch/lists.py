@@ -162,16 +162,34 @@ def face_box(touch: ti.template(), i):
 
 
 @ti.func
+def share_faces(touch: ti.template(), q, t, threads):
+    """Give thread t its patches of triangles, as much work as others have by the last search."""
+    low, high = touch.order[q, f.FACE_PATCH], touch.order[q, f.EDGE_PATCH]
+    whole = high - low
+    for k in range(low, high):
+        whole += touch.patch_work[k]
+    own, done, k = touch.order[q, f.THREAD] + t, 0, low
+    while k < high and done < share(0, whole, t, threads):
+        done += 1 + touch.patch_work[k]
+        k += 1
+    touch.segment[own, f.PATCH_START] = k
+    while k < high and done < share(0, whole, t + 1, threads):
+        done += 1 + touch.patch_work[k]
+        k += 1
+    touch.segment[own, f.PATCH_STOP] = k
+
+
+@ti.func
 def find_faces(touch: ti.template(), q, t, threads):
     """Thread t's pairs of points and triangles."""
     own = touch.order[q, f.THREAD] + t
     base, room = touch.order[q, f.PAIR], touch.order[q, f.FACE_ROOM]
-    low, high = touch.order[q, f.FACE_PATCH], touch.order[q, f.EDGE_PATCH]
     n, stop = base + share(0, room, t, threads), base + share(0, room, t + 1, threads)
     row = touch.order[q, f.CANDIDATE] + t * touch.order[q, f.WIDTH]
     touch.segment[own, f.FACE_START] = n
-    for k in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
+    for k in range(touch.segment[own, f.PATCH_START], touch.segment[own, f.PATCH_STOP]):
         body = touch.patch[k, f.OWNER]
+        work = -n
         if touch.trait[body, f.BARE] == 0 and touch.trait[body, f.NEAR]:
             begin, end = touch.patch[k, f.BEGIN], touch.patch[k, f.END]
             lo, hi = face_box(touch, begin)
@@ -191,6 +209,8 @@ def find_faces(touch: ti.template(), q, t, threads):
                     n = pair_cores(touch, q, i, n, stop)
                 if last > row:
                     n = pair_faces(touch, q, i, ti.Vector([row, last]), n, stop)
+            work += last - row
+        touch.patch_work[k] = n + work
     touch.segment[own, f.FACE_STOP] = n
 
 
@@ -261,6 +281,7 @@ def search(s: ti.template(), touch: ti.template(), scene, q, t, threads, phase, 
     phase += 1
     meet(s, scene, phase, threads)
     measure_edges(touch, q, t, threads)
+    share_faces(touch, q, t, threads)
     shrunk = ti.cast(1.0, touch.real)
     again = 1
     while again:

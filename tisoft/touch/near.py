@@ -2,7 +2,7 @@
 """Which bodies are near each other, and the boxes of their patches.
 
     reach = thickness + (margin_a + margin_b)/2,
-    margin of a patch = 16 h v within .25 … 1.5 edges, of an obstacle that stands still 0
+    margin of a patch = 12 h v within .25 … 4 edges, of an obstacle that stands still 0
 
 A patch is a run of points, triangles or edges of one body that lie beside each other, and v the
 speed of its fastest point, or a share of its body's: a blow travels.  Candidates hold until a point
@@ -15,7 +15,7 @@ import taichi as ti
 from tisoft.model.threads import share
 from tisoft.touch import fields as f
 
-AHEAD = 16.0
+AHEAD = 12.0
 """Substeps for which a search is to last."""
 SPREADS = 0.25
 """Share of its fastest point's speed that any of a body's points may soon have."""
@@ -147,9 +147,8 @@ def find_near(touch: ti.template(), q, body, lo, hi, ahead, kind: ti.template(),
     for z in range(first, first + touch.trait[body, f.NEAR]):
         c = touch.partner[z]
         most = reach_of(touch, q, body, c, ahead + touch.number[c, f.AHEAD])
-        if touch.trait[c, f.ROUND] == 0 and meets(
-            lo - most, hi + most, touch.low[c], touch.high[c]
-        ):
+        is_near = meets(lo - most, hi + most, touch.low[c], touch.high[c])
+        if is_near and touch.trait[c, f.ROUND] == 0:
             for k in range(touch.trait[c, kind], touch.trait[c, kind + 1]):
                 reach = reach_of(touch, q, body, c, ahead + touch.patch_ahead[k])
                 low, high = lo - reach, hi + reach

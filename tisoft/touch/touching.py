@@ -31,7 +31,7 @@ from tisoft.touch.toucher import any_touch, toucher_of
 
 Floats = NDArray[np.float64]
 
-MARGIN = (0.25, 1.5)
+MARGIN = (0.25, 4.0)
 TOLERANCE = 0.02
 FINER = 0.5
 """Of that where there are cores: bodies keep no distance to those."""
