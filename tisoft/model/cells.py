@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,6 @@ from tisoft.geometry.cells import LATTICE
 from tisoft.geometry.mesh import Mesh, SolidMesh
 from tisoft.geometry.topology import morton_order
 from tisoft.models.materials import SolidModel
-
-if TYPE_CHECKING:
-    pass
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]

@@ -15,6 +15,7 @@ from tisoft.model.part import Part
 from tisoft.model.system import System
 from tisoft.stable.bound import NO_LIMIT, limits_at_rest, make_look
 from tisoft.stable.sharp import sharp_limit
+from tisoft.stable.twins import first_twins
 from tisoft.step.stepper import INTEGRATORS
 
 Floats = NDArray[np.float64]
@@ -186,8 +187,9 @@ class StepLimit:
     def _sharp_at_rest(self) -> Floats:
         """The sharp limit of each body at rest [s]."""
         if self._at_rest is None:
-            found = [self._look(part, None) for part in self.system.parts]
-            self._at_rest = np.maximum([step for step, _ in found], self._rest_bounds)
+            twins = [part.index for part in first_twins(self.system.parts)]
+            found = {k: self._look(self.system.parts[k], None)[0] for k in dict.fromkeys(twins)}
+            self._at_rest = np.maximum([found[k] for k in twins], self._rest_bounds)
         return self._at_rest
 
     @property
