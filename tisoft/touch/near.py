@@ -2,7 +2,7 @@
 """Which bodies are near each other, and the boxes of their patches.
 
     reach = thickness + (margin_a + margin_b)/2,
-    margin of a patch = 12 h v within .25 … 4 edges, of an obstacle that stands still 0
+    margin of a patch = 12 or 24 h v within .25 … 4 edges, of an obstacle that stands still 0
 
 A patch is a run of points, triangles or edges of one body that lie beside each other, and v the
 speed of its fastest point, or a share of its body's: a blow travels.  Candidates hold until a point
@@ -15,8 +15,10 @@ import taichi as ti
 from tisoft.model.threads import share
 from tisoft.touch import fields as f
 
-AHEAD = 12.0
-"""Substeps for which a search is to last."""
+AHEAD, FAR_AHEAD = 12.0, 24.0
+"""Substeps for which a search is to last; the latter where the last one found fewer pairs than there
+are points: longer lists cost little there.
+"""
 SPREADS = 0.25
 """Share of its fastest point's speed that any of a body's points may soon have."""
 
@@ -53,6 +55,9 @@ def measure_bodies(touch: ti.template(), q, t, threads, h):
     """
     low, high = touch.order[q, f.BODY], touch.order[q, f.BODY_END]
     least, most = touch.length[q, f.LEAST], touch.length[q, f.MOST]
+    ahead = ti.cast(AHEAD, touch.real)
+    if touch.order[q, f.COUNT] < touch.order[q, f.POINT_END] - touch.order[q, f.POINT]:
+        ahead = ti.cast(FAR_AHEAD, touch.real)
     for b in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
         lo, hi = 0.0 * touch.place[0] + 1e30, 0.0 * touch.place[0] - 1e30
         fast = ti.cast(0.0, touch.real)
@@ -62,7 +67,7 @@ def measure_bodies(touch: ti.template(), q, t, threads, h):
         touch.low[b], touch.high[b] = lo - touch.number[b, f.GROW], hi + touch.number[b, f.GROW]
         touch.number[b, f.AHEAD] = 0.0
         for k in range(touch.trait[b, f.OWN_POINTS], touch.trait[b, f.OWN_POINTS + 1]):
-            margin = AHEAD * h * ti.max(touch.patch_speed[k], SPREADS * fast)
+            margin = ahead * h * ti.max(touch.patch_speed[k], SPREADS * fast)
             margin = ti.max(margin, ti.cast(least, touch.real))
             if touch.trait[b, f.OBSTACLE] and touch.order[q, f.MOVING] == 0:
                 margin = 0.0 * margin
