@@ -16,8 +16,8 @@ from tisoft.model.threads import share
 from tisoft.touch import fields as f
 
 AHEAD, FAR_AHEAD = 12.0, 24.0
-"""Substeps for which a search is to last; the latter where the last one found fewer pairs than there
-are points: longer lists cost little there.
+"""Substeps for which a search is to last; the latter where the last one found fewer pairs than
+there are points: longer lists cost little there.
 """
 SPREADS = 0.25
 """Share of its fastest point's speed that any of a body's points may soon have."""
