@@ -42,4 +42,4 @@ def assert_nothing_was_lost(found):
 def test_signals_at_random_moments_of_every_command_that_writes(tmp_path):
     found = cases(tmp_path, 22 * int(os.environ.get("TISOFT_THOROUGH", "1")), "")
     assert_nothing_was_lost(found)
-    assert any(case.get("resumed", False) for case in found)  # that way is tried, too
+    assert sum(case.get("resumed", False) for case in found) > 2
