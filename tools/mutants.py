@@ -37,12 +37,50 @@ TESTS = {
                  "physics/test_springs.py", "behaviour", "physics", "dynamics"],
     "step": ["behaviour", "physics/test_contact.py", "physics/test_changes.py", "dynamics",
              "physics"],
+    "step/account.py": ["dynamics/test_ledger.py", "behaviour/test_times_and_work.py"],
+    "step/consistent_mass.py": ["physics/test_consistent_mass.py"],
+    "step/contact.py": ["physics/test_contact.py"],
+    "step/driving.py": ["behaviour/test_times_and_work.py", "dynamics/test_loading.py",
+                        "physics/test_contact.py"],
+    "step/explicit_euler.py": ["physics/test_time_orders.py", "dynamics/test_ledger.py"],
+    "step/external.py": ["behaviour/test_grab.py", "dynamics/test_loading.py",
+                         "physics/test_drop.py"],
+    "step/fixed.py": ["behaviour/test_times_and_work.py", "physics/test_contact.py"],
+    "step/forces.py": ["dynamics/test_forces.py", "behaviour/test_laws.py",
+                       "physics/test_determinism.py"],
+    "step/grab.py": ["behaviour/test_grab.py"],
+    "step/launches.py": ["dynamics/test_gpu.py"],
+    "step/ledger.py": ["dynamics/test_ledger.py", "behaviour/test_times_and_work.py",
+                       "physics/test_contact.py"],
+    "step/loading.py": ["dynamics/test_loading.py", "behaviour/test_times_and_work.py"],
+    "step/means.py": ["physics/test_cage.py"],
+    "step/meeting.py": ["touch"],
+    "step/observe.py": ["dynamics/test_forces.py", "behaviour/test_results.py"],
+    "step/pace.py": ["dynamics/test_pace.py", "physics/test_determinism.py"],
+    "step/passes.py": ["physics/test_time_orders.py", "physics/test_determinism.py",
+                       "physics/test_consistent_mass.py", "dynamics/test_ledger.py"],
+    "step/patches.py": ["touch"],
+    "step/pins.py": ["behaviour/test_times_and_work.py", "physics/test_changes.py"],
+    "step/record.py": ["behaviour/test_results.py", "dynamics/test_ledger.py",
+                       "behaviour/test_guard.py"],
+    "step/schedule.py": ["behaviour/test_times_and_work.py", "dynamics/test_loading.py",
+                         "physics/test_contact.py"],
+    "step/stepper.py": ["behaviour/test_guard.py", "physics/test_determinism.py",
+                        "behaviour/test_resumed.py", "dynamics/test_pace.py"],
+    "step/substep.py": ["physics/test_time_orders.py", "dynamics/test_forces.py",
+                        "physics/test_consistent_mass.py", "behaviour/test_followed_step.py"],
+    "step/symplectic_euler.py": ["physics/test_time_orders.py", "dynamics/test_ledger.py",
+                                 "physics/test_contact.py"],
+    "step/touch.py": ["physics/test_touch.py", "physics/test_cage.py"],
+    "step/velocity_verlet.py": ["physics/test_time_orders.py", "dynamics/test_ledger.py",
+                                "physics/test_contact.py"],
     "stable": ["behaviour/test_followed_step.py", "behaviour/test_guard.py",
                "dynamics/test_sharp_step.py", "physics/test_stable_step.py", "behaviour", "guard"],
     "observers": ["behaviour/test_results.py", "behaviour/test_times_and_work.py", "observers",
                   "test_observers.py", "test_nothing_lost.py", "test_cli.py"],
 }  # fmt: skip
-"""Tests of a folder, in the order in which they run: those that kill soonest first."""
+"""Tests of a folder, or of one of its files, in the order in which they run: those that kill
+soonest first."""
 
 KEPT = re.compile(
     r"core/(NumberReplacer|ReplaceTrueWithFalse|ReplaceFalseWithTrue|ReplaceAndWithOr"
@@ -65,10 +103,10 @@ def main() -> int:
     modules = _modules(options.places)
     if isinstance(modules, str):
         return _refused(modules)
-    tests = options.tests or _tests_of(options.places)
-    if not tests:
+    tests = {module: options.tests or _tests_of(module) for module in modules}
+    if not all(tests.values()):
         return _refused("no tests are known for these places; name them with --tests")
-    missing = [test for test in tests if not (ROOT / test).exists()]
+    missing = [test for test in options.tests or [] if not (ROOT / test).exists()]
     if missing:
         return _refused(f"{missing[0]} does not exist; --tests takes files and folders")
     folder = Path(options.output or mkdtemp(prefix="tisoft-mutants-"))
@@ -116,9 +154,11 @@ def _modules(places: list[str]) -> list[Path] | str:
     return found
 
 
-def _tests_of(places: list[str]) -> list[str]:
-    known = [test for place in places for test in TESTS.get(place.split("/")[0], [])]
-    return [f"tests/{test}" for test in dict.fromkeys(known) if (ROOT / "tests" / test).exists()]
+def _tests_of(module: Path) -> list[str]:
+    """The tests that belong to a file, or else to its folder."""
+    place = module.relative_to("tisoft")
+    known = TESTS.get(place.as_posix()) or TESTS.get(place.parts[0], [])
+    return [f"tests/{test}" for test in known if (ROOT / "tests" / test).exists()]
 
 
 def _fill(database, modules: list[Path], options: argparse.Namespace) -> None:
@@ -146,7 +186,7 @@ def _key(mutation):
     )
 
 
-def _run(database, folder: Path, tests: list[str], options: argparse.Namespace) -> None:
+def _run(database, folder: Path, tests: dict[Path, list[str]], options) -> None:
     pending = list(database.pending_work_items)
     if options.again:
         pending += [item for item, result in _tried(database) if not result.is_killed]
@@ -154,9 +194,11 @@ def _run(database, folder: Path, tests: list[str], options: argparse.Namespace) 
     if not pending:
         return
     end = time.monotonic() + 60.0 * options.minutes
-    print(f"{len(pending)} mutants; {' '.join(tests)}", flush=True)
-    with ProcessPoolExecutor(options.jobs, initializer=_begin, initargs=(folder, tests)) as pool:
-        jobs = pool.map(_try, pending, [end] * len(pending))
+    lists = [tests[Path(item.mutations[0].module_path)] for item in pending]
+    every = list(dict.fromkeys(test for each in lists for test in each))
+    print(f"{len(pending)} mutants; {' '.join(every)}", flush=True)
+    with ProcessPoolExecutor(options.jobs, initializer=_begin, initargs=(folder, every)) as pool:
+        jobs = pool.map(_try, pending, lists, [end] * len(pending))
         try:
             for number, (item, result) in enumerate(zip(pending, jobs, strict=True), 1):
                 if result is None:
@@ -171,7 +213,7 @@ def _run(database, folder: Path, tests: list[str], options: argparse.Namespace) 
 
 def _begin(folder: Path, tests: list[str]) -> None:
     """Make this process's copy of the source, fill its kernel cache, and time the tests."""
-    global _command, _limit
+    global _limit
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the first process's to answer
     copy = folder / f"copy-{os.getpid()}"
     copy.mkdir()
@@ -183,18 +225,19 @@ def _begin(folder: Path, tests: list[str]) -> None:
     os.environ["PYTHONPATH"] = str(copy)
     os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
     os.environ["TI_OFFLINE_CACHE_FILE_PATH"] = str(copy / "kernels")
-    python = sys.executable
-    seen = subprocess.check_output([python, "-c", "import tisoft; print(tisoft.__file__)"])
+    seen = subprocess.check_output([sys.executable, "-c", "import tisoft; print(tisoft.__file__)"])
     if not seen.decode().startswith(str(copy)):
         _stop(f"Python imports tisoft from {seen.decode().strip()}, not from the copy in {copy}")
-    command = [python, "-m", "pytest", "-n", "0", "-x", "-q", "--tb=no"]
-    command += ["-p", "no:cacheprovider", *tests]
     for _ in range(2):  # the second time with compiled kernels
         begun = time.monotonic()
-        if subprocess.run(command, capture_output=True).returncode:
+        if subprocess.run(_command(tests), capture_output=True).returncode:
             _stop(f"without any mutant these tests fail: {' '.join(tests)}; mend them first")
     _limit = 30.0 + 5.0 * (time.monotonic() - begun)
-    _command = " ".join(f"'{word}'" for word in command)
+
+
+def _command(tests: list[str]) -> list[str]:
+    command = [sys.executable, "-m", "pytest", "-n", "0", "-x", "-q", "--tb=no"]
+    return [*command, "-p", "no:cacheprovider", *tests]
 
 
 def _stop(sentence: str) -> None:
@@ -203,13 +246,14 @@ def _stop(sentence: str) -> None:
     os._exit(2)  # an exception here would be logged with its traceback
 
 
-def _try(item, end: float):
+def _try(item, tests: list[str], end: float):
     """The result of one mutant; None where the time is up."""
     from cosmic_ray.mutating import mutate_and_test
 
     if time.monotonic() > end:
         return None
-    return mutate_and_test(item.mutations, _command, _limit)
+    command = " ".join(f"'{word}'" for word in _command(tests))
+    return mutate_and_test(item.mutations, command, _limit)
 
 
 def _shown(item, result) -> str:
