@@ -13,7 +13,11 @@ import surfaces
 from surfaces import block
 
 import tisoft as ts
+from tisoft.elements.brick import Brick
+from tisoft.elements.hex8 import Hex8
 from tisoft.elements.matrices import hooke_blocks, stiffest
+from tisoft.elements.quadratic import PRODUCTS
+from tisoft.elements.quadratic import QUADRATIC_EDGES as EDGES
 from tisoft.equilibrium.modes import natural_modes
 from tisoft.equilibrium.operators import Elastic
 from tisoft.equilibrium.pointwise import Pointwise, is_pointwise
@@ -268,6 +272,31 @@ def test_a_cell_filled_in_part_passes_the_patch_test():
     own = (3 * cells.nodes[0][:, None] + np.arange(3)).ravel()
     found = elastic.stiffness(np.zeros_like(elastic.rest)).toarray()[np.ix_(own, own)]
     assert np.abs(found - K).max() < 1e-12 * np.abs(K).max()
+
+
+def test_consistent_mass_of_a_quadratic_tet():
+    """420 ∫ N_a N_b dV/V: 6 and 1 of corners, −4 and −6 of a corner and an edge's middle that touch
+    and do not, 32, 16 and 8 of two middles that are the same, share a corner, do not.
+    """
+    at = np.vstack([np.eye(4), 0.5 * (np.eye(4)[EDGES[:, 0]] + np.eye(4)[EDGES[:, 1]])])
+    shared = np.rint(4 * at @ at.T).astype(int)  # four times Σ L_i L_i of both nodes
+    wanted = np.empty((10, 10))
+    wanted[:4, :4] = np.where(shared[:4, :4] > 0, 6, 1)
+    wanted[4:, 4:] = np.choose(shared[4:, 4:], [8, 16, 32])
+    wanted[:4, 4:] = np.where(shared[:4, 4:] > 0, -4, -6)
+    wanted[4:, :4] = wanted[:4, 4:].T
+    assert np.abs(420 * PRODUCTS - wanted).max() < 1e-12
+
+
+def test_cells_along_the_axes_are_bricks_wherever_they_stand_and_all_others_hex8():
+    bar = box((1, 0.2, 0.3), (5, 1, 2), split="hex")
+    turned = bar.transformed(rotate=(0, 0, 1))
+    cases = [(bar, Brick), (bar.transformed(translate=(3, -7, 2)), Brick), (brick(), Brick)]
+    for mesh, kind in [*cases, (turned, Hex8), (skewed(), Hex8)]:
+        scene = ts.Scene()
+        scene.add_body(mesh, ts.Linear(1e5, 0.3, 1000.0))
+        (part,) = parts_of(scene.bodies)
+        assert [cells.element for cells in part.solids] == [kind]
 
 
 @pytest.mark.parametrize("lam, mu", [(1.0, 1.0), (50.0, 1.0), (-0.6, 1.0), (0.0, 1.0), (1.0, 0.0)])
