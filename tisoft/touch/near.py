@@ -2,7 +2,7 @@
 """Which bodies are near each other, and the boxes of their patches.
 
     reach = thickness + (margin_a + margin_b)/2,
-    margin of a patch = 12 or 24 h v within .25 … 4 edges, of an obstacle that stands still 0
+    margin of a patch = 16 or 24 h v within .25 … 4 edges, of an obstacle that stands still 0
 
 A patch is a run of points, triangles or edges of one body that lie beside each other, and v the
 speed of its fastest point, or a share of its body's: a blow travels.  Candidates hold until a point
@@ -15,7 +15,7 @@ import taichi as ti
 from tisoft.model.threads import share
 from tisoft.touch import fields as f
 
-AHEAD, FAR_AHEAD = 12.0, 24.0
+AHEAD, FAR_AHEAD = 16.0, 24.0
 """Substeps for which a search is to last; the latter where the last one found fewer pairs than
 there are points: longer lists cost little there.
 """
