@@ -344,3 +344,12 @@ def test_turned_net_gives_the_turned_answer():
         sim.step()
         places.append(sim.positions())
     assert places[1] == pytest.approx(places[0] @ R.T, abs=1e-9)
+
+
+def test_a_mass_without_any_spring_falls():
+    """x = −g h² n (n + 1)/2 after n steps of symplectic Euler, here of a frame each."""
+    scene = ts.Scene(frame_rate=60.0)
+    scene.add_body(ts.net([[0, 1, 0]], []), ts.MassSpring(stiffness=1.0, node_mass=0.1))
+    sim = ts.Simulation(scene, threads=1)
+    sim.run(0.5)
+    assert sim.positions()[0] == pytest.approx([0, 1 - 9.81 / 3600 * 15 * 31, 0], rel=1e-6)

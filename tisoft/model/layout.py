@@ -85,7 +85,8 @@ def in_batches(bodies: list[NDArray[np.integer]], lanes: int) -> Batches:
         starts += [begun + count * (k + 1) // parts for k in range(parts)]
         place.append(np.arange(len(own)) + begun * lanes)
         begun += count
-    shaped = np.concatenate(cells).reshape(begun, lanes, -1).transpose(0, 2, 1)
+    corners = bodies[0].shape[1]
+    shaped = np.concatenate(cells).reshape(begun, lanes, corners).transpose(0, 2, 1)
     return Batches(
         np.ascontiguousarray(shaped, np.int32),
         np.concatenate(owner),

@@ -43,6 +43,34 @@ def on_triangle(p, a, b, c):
 
 
 @ti.func
+def from_triangle(p, a, b, c):
+    """Distance [m] of p from triangle abc: from its plane where p is above it, else from the
+    nearest edge; without branches, which lists of many would often guess wrong.
+    """
+    u, v, r = b - a, c - a, p - a
+    uu, vv, uv, ru, rv, rr = u.dot(u), v.dot(v), u.dot(v), r.dot(u), r.dot(v), r.dot(r)
+    along = rv - ru - uv + uu  # (p − b)·(c − b)
+    first = from_line(rr, ru, uu)
+    second = from_line(rr, rv, vv)
+    third = from_line(rr - 2.0 * ru + uu, along, uu + vv - 2.0 * uv)
+    square = ti.min(first, second, third)
+    det, height = uu * vv - uv * uv, r.dot(u.cross(v))
+    wb, wc = vv * ru - uv * rv, uu * rv - uv * ru
+    above = (wb >= 0.0) & (wc >= 0.0) & (wb + wc <= det) & (det > 0.0)
+    square = ti.select(above, height * height / det, square)
+    return ti.sqrt(ti.max(square, 0.0 * square))
+
+
+@ti.func
+def from_line(square, along, long):
+    """Square of the distance from a line of length² `long`, of a point at distance² `square` from
+    its start and with product `along` with it.
+    """
+    t = clamped(along / ti.max(long, 1e-30))
+    return square - t * (2.0 * along - t * long)
+
+
+@ti.func
 def between_lines(u, v, r):
     """s and t of lines a + s u and c + t v nearest to each other, r = a − c; −1 where parallel."""
     uu, vv, uv, ur, vr = u.dot(u), v.dot(v), u.dot(v), u.dot(r), v.dot(r)

@@ -10,7 +10,7 @@ import taichi as ti
 
 from tisoft.model.threads import meet, share
 from tisoft.touch import fields as f
-from tisoft.touch.closest import between_edges, nearest_on_line, on_triangle
+from tisoft.touch.closest import between_edges, from_triangle, nearest_on_line, on_triangle
 from tisoft.touch.near import (
     couple_of,
     find_near,
@@ -86,8 +86,7 @@ def pair_faces(touch: ti.template(), q, i, rows, n, stop):
                 p = touch.candidate[z]
                 u = touch.seen[p]
                 if meets(low, high, u, u) and p != ids[0] and p != ids[1] and p != ids[2]:
-                    w = on_triangle(u, a, b, c)
-                    d = (u - w[0] * a - w[1] * b - w[2] * c).norm()
+                    d = from_triangle(u, a, b, c)
                     if d < reach:
                         ends = ti.Vector([p, ids[0], ids[1], ids[2]])
                         n = keep(touch, q, n, begun, stop, ends, ti.Vector([i, -1]), d)
