@@ -231,7 +231,7 @@ def touch_nodes(s: ti.template(), scene, t, threads, phase, now):
         if rows > 0:
             if t == 0:
                 s.surfaces.order[q, f.ROWS] = s.surfaces.order[q, f.ROWS] + rows
-            phase = sweep(s, s.surfaces, scene, q, t, threads, phase, now)
+            phase = sweep(s, scene, q, t, threads, rows, phase, now)
     share_gone = 0.0 * now.h
     for i in range(first, last):
         finish(s, i, i + back, i + base, is_met, eases, now)

@@ -17,6 +17,8 @@ from tisoft.model.threads import meet, share
 from tisoft.touch import fields as f
 
 LEAST_SWEEPS, MOST_SWEEPS = 4, 16
+ALONE = 400
+"""Rows below which one thread solves for them sooner than several that meet twice a sweep."""
 LEVER = 0.1
 """Share of a row that its free points must have: with less, where the others are held, they would
 be thrown to move it at all.
@@ -100,36 +102,61 @@ def gather(touch: ti.template(), p):
 
 
 @ti.func
-def sweep(s: ti.template(), touch: ti.template(), scene, q, t, threads, phase, now):
-    """Solve for the impulses of all rows; returns the phase that it has come to."""
-    count = weigh(touch, q, t, threads)
+def sweep(s: ti.template(), scene, q, t, threads, rows, phase, now):
+    """Solve for the impulses of all `rows` rows; returns the phase that it has come to.  The first
+    thread sees to few of them alone: it would wait for others longer than they help.
+    """
+    begun, crew, own = phase, threads, t
+    if rows < ALONE:
+        crew, own = 1, 0
+    if t == own:
+        phase = solve(s, scene, q, ti.Vector([own, crew, threads]), phase, now)
+    if crew < threads:
+        phase = begun + 1
+        meet(s, scene, phase, threads)
+    return phase
+
+
+@ti.func
+def solve(s: ti.template(), scene, q, hands, phase, now):
+    """The same by some threads.
+
+    Args: hands: number of this one, how many there are, and how many have rows.
+    """
+    touch = s.surfaces
+    own, crew, threads = hands[0], hands[1], hands[2]
+    count = weigh(touch, q, own, crew)
     thread = touch.order[q, f.THREAD]
-    begin = share(touch.order[q, f.POINT], touch.order[q, f.POINT_END], t, threads)
+    begin = share(touch.order[q, f.POINT], touch.order[q, f.POINT_END], own, crew)
     phase += 1
-    meet(s, scene, phase, threads)
+    meet(s, scene, phase, crew)
     tolerance = ti.cast(touch.length[q, f.TOLERANCE], touch.real) / now.h
-    for kind in range(2):
-        first = touch.segment[thread + t, 2 * kind]
-        for row in range(first, first + touch.segment[thread + t, f.FACES_NEAR + kind]):
-            soften(touch, row)
+    for k in range(threads):
+        if k % crew == own:
+            for kind in range(2):
+                first = touch.segment[thread + k, 2 * kind]
+                for row in range(first, first + touch.segment[thread + k, f.FACES_NEAR + kind]):
+                    soften(touch, row)
     number = 0
     while number < MOST_SWEEPS:
         worst = 0.0 * tolerance
-        for kind in range(2):
-            first = touch.segment[thread + t, 2 * kind]
-            for row in range(first, first + touch.segment[thread + t, f.FACES_NEAR + kind]):
-                worst = ti.max(worst, push(touch, row))
-        touch.most[thread + t, f.WORST] = worst
-        phase += 1
-        meet(s, scene, phase, threads)
         for k in range(threads):
+            if k % crew == own:
+                for kind in range(2):
+                    first = touch.segment[thread + k, 2 * kind]
+                    for row in range(first, first + touch.segment[thread + k, f.FACES_NEAR + kind]):
+                        worst = ti.max(worst, push(touch, row))
+        touch.most[thread + own, f.WORST] = worst
+        phase += 1
+        meet(s, scene, phase, crew)
+        for k in range(crew):
             worst = ti.max(worst, touch.most[thread + k, f.WORST])
         for k in range(begin, begin + count):
             gather(touch, touch.touched[k])
         phase += 1
-        meet(s, scene, phase, threads)
+        meet(s, scene, phase, crew)
         number += 1
-        if t == 0:
+        if own == 0:
             touch.order[q, f.SWEEPS] = touch.order[q, f.SWEEPS] + 1
         if number >= LEAST_SWEEPS and worst < tolerance:
             number = MOST_SWEEPS
