@@ -34,8 +34,8 @@ HELD_MEANS = 19
 """Column of `State.ranges`: first row of `Means`, then one past the last."""
 ORDERS = (
     FIRST, LAST, PASSES, THREADS, LOADED, DONE, TRIPPED, PROBES, PROBE, RECORDS, CHUNKS, TASK,
-    REACHED, HAND, HELD, TELLS, EASES,
-) = tuple(range(17))  # fmt: skip
+    HAND, HELD, TELLS, EASES,
+) = tuple(range(16))  # fmt: skip
 """Columns of `State.orders`; TELLS: whether stretches record the elastic energy;
 EASES: whether bodies are pushed out of obstacles."""
 MOVE, SUM, PUSH = range(3)

@@ -11,8 +11,8 @@ from typing import Any
 
 import taichi as ti
 
-from tisoft.model.state import THREADS, TOUCH_SCENE
-from tisoft.model.threads import SLICE, meet, share
+from tisoft.model.state import TOUCH_SCENE
+from tisoft.model.threads import meet, share
 from tisoft.obstacles.base import VELOCITY
 from tisoft.step import external, forces, ledger
 from tisoft.step.contact import corner_place, surface_velocity
@@ -170,9 +170,8 @@ def left_standing(s: ti.template(), q, t, threads, h):
 
 
 @ti.func
-def renew(s: ti.template(), scene, t, threads, now):
-    """List the pairs anew, as thread t of `threads` sees it."""
-    phase = 0
+def renew(s: ti.template(), scene, t, threads, phase, now):
+    """List the pairs anew, as thread t of `threads` sees it; returns the phase that it has come to."""
     low, high = s.state.ranges[scene, 0], s.state.ranges[scene, 1]
     q = s.state.ranges[scene, TOUCH_SCENE]
     for i in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
@@ -183,7 +182,7 @@ def renew(s: ti.template(), scene, t, threads, now):
         stand_all(s, q, t, threads)
     phase += 1
     meet(s, scene, phase, threads)
-    search(s, s.surfaces, scene, q, t, threads, phase, now)
+    return search(s, s.surfaces, scene, q, t, threads, phase, now)
 
 
 @ti.func
@@ -255,25 +254,6 @@ def is_stale(s: ti.template(), scene, threads):
     return gone > SAFE
 
 
-def make_search(s: Any, alone: bool) -> Any:
-    """The kernel search(scene), which lists pairs anew; `alone`: on the caller's thread."""
-
-    @ti.kernel
-    def renewed(scene: int):
-        s.state.arrived[scene] = 0
-        if ti.static(alone):
-            ti.loop_config(serialize=True)
-            for _ in range(1):
-                renew(s, scene, 0, 1, now_of(s, scene, 1, 1))
-        else:
-            for item in range(s.state.orders[scene, THREADS] * SLICE):
-                if item % SLICE == 0:
-                    threads = s.state.orders[scene, THREADS]
-                    renew(s, scene, item // SLICE, threads, now_of(s, scene, 1, 1))
-
-    return renewed
-
-
 def make_depths(s: Any) -> Any:
     """The kernel depths(scene), which lists pairs anew, as far as `sunk` allows, and writes there
     how deep bodies are in each other and in obstacles; on the caller's thread.
@@ -285,7 +265,7 @@ def make_depths(s: Any) -> Any:
         ti.loop_config(serialize=True)
         for _ in range(1):
             now = now_of(s, scene, 1, 1)
-            renew(s, scene, 0, 1, now)
+            renew(s, scene, 0, 1, 0, now)
             find_depths(s.surfaces, s.state.ranges[scene, TOUCH_SCENE], now.h)
 
     return measured

@@ -20,7 +20,6 @@ from tisoft.model.state import (
     MOVE,
     PASSES,
     PUSH,
-    REACHED,
     TASK,
     THREADS,
     TOUCH_SCENE,
@@ -28,7 +27,7 @@ from tisoft.model.state import (
 )
 from tisoft.model.threads import SLICE, meet, share
 from tisoft.step import consistent_mass, driving, external, forces, means, record, touch
-from tisoft.step.meeting import is_stale, touch_nodes
+from tisoft.step.meeting import is_stale, renew, touch_nodes
 from tisoft.step.substep import begin_solve, move_solved, node, now_of
 from tisoft.touch.fields import BUILT
 
@@ -86,8 +85,13 @@ def walk(s: ti.template(), scene, t, threads):
     number, end = s.state.orders[scene, FIRST], s.state.orders[scene, LAST]
     phase = 0
     stale = False
-    while number < end and not stale:
+    if ti.static(s.meets):
+        stale = s.surfaces.order[s.state.ranges[scene, TOUCH_SCENE], BUILT] != threads
+    while number < end:
         now = now_of(s, scene, number % passes, passes)
+        if ti.static(s.meets):
+            if task == MOVE and stale:
+                phase = renew(s, scene, t, threads, phase, now)
         if task == MOVE and number % passes == 0:
             for i in range(first, last):
                 record.save(s.state, i)
@@ -128,8 +132,8 @@ def walk(s: ti.template(), scene, t, threads):
                 phase += 1
                 meet(s, scene, phase, threads)
         if ti.static(s.meets):
-            if task == MOVE and is_stale(s, scene, threads):
-                stale = True
+            if task == MOVE:
+                stale = is_stale(s, scene, threads)
         number += 1
         if task != PUSH and number % passes == 0:
             record.sum_up(s, scene, t, threads)
@@ -142,10 +146,8 @@ def walk(s: ti.template(), scene, t, threads):
             if s.state.orders[scene, TRIPPED]:
                 number = end
     if ti.static(s.meets):
-        if task == MOVE and t == 0:
-            s.state.orders[scene, REACHED] = number
-            if stale:
-                s.surfaces.order[s.state.ranges[scene, TOUCH_SCENE], BUILT] = 0
+        if task == MOVE and t == 0 and stale:
+            s.surfaces.order[s.state.ranges[scene, TOUCH_SCENE], BUILT] = 0
 
 
 def make_advance(s: Any, alone: bool) -> Any:

@@ -15,7 +15,7 @@ from tisoft.model import state as columns
 from tisoft.model.system import System
 from tisoft.step.explicit_euler import ExplicitEuler
 from tisoft.step.launches import make_advance as make_launches
-from tisoft.step.meeting import make_depths, make_search
+from tisoft.step.meeting import make_depths
 from tisoft.step.pace import CELLS_PER_THREAD, TRIAL, TRIAL_WORK, Pace
 from tisoft.step.passes import make_advance
 from tisoft.step.schedule import Schedule
@@ -123,7 +123,6 @@ class Stepper:
         key = ("advance", *fields, structure.surfaces, structure.means, rules, alone, on_cpu)
         kernel = self.system.lease.arena.kernel
         if structure.meets:
-            self._search = kernel(("search", *key[1:]), lambda: make_search(structure, alone))
             self._depths = ("depths", *key[1:-2])
         return kernel(
             key, lambda: make_advance(structure, alone) if on_cpu else make_launches(structure)
@@ -191,12 +190,7 @@ class Stepper:
         if self.schedule is not None:
             self.schedule.fill(done, now)
         begun = time.perf_counter()
-        touching = self.rules.touching
-        if touching is not None and touching.is_stale(threads):
-            self._search(self.system.scene)
         self._advance(self.system.scene)
-        if touching is not None:
-            now = int(self.system.state.orders[self.system.scene, columns.REACHED]) - done
         if not runtime.on_cpu():
             runtime.import_taichi().sync()
         if self.fixed is None:
@@ -250,9 +244,6 @@ class Stepper:
             begun = time.perf_counter()
             self._advance(self.system.scene)
             self._call = time.perf_counter() - begun
-        touching = self.rules.touching
-        if touching is not None and touching.is_stale(self.pace.most):
-            self._search(self.system.scene)
 
     def _tries(self) -> bool:
         return self.fixed is None and self.pace.is_trial()

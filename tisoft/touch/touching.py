@@ -270,10 +270,6 @@ class Touching:
         """Say that the state is another than that of the last substep: lists are made anew."""
         self.fields.order[self.scene, f.BUILT] = 0
 
-    def is_stale(self, threads: int) -> bool:
-        """Whether lists are out of date, or other threads' than so many."""
-        return bool(self.fields.order[self.scene, f.BUILT] != threads)
-
     def counts(self) -> dict[str, int]:
         """Candidates now; searches, sweeps and rows so far."""
         order, columns = self.fields.order, {"pairs": f.COUNT, "searches": f.BUILDS,
