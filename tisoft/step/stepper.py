@@ -35,7 +35,7 @@ LAUNCH_WORK = 400_000
 """Cell-substeps per launch at the most, some 5 ms: Ctrl-C and a busy machine are felt soon."""
 SHORTEST = 8
 """Substeps per launch that are worth it for any scene."""
-TOUCHING = 20
+TOUCHING = 5
 """Times as many cells that a thread must have where surfaces may touch."""
 SPRINGS_PER_TET = 3
 """Springs that cost about as much as one tet."""
