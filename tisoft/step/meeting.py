@@ -171,7 +171,7 @@ def left_standing(s: ti.template(), q, t, threads, h):
 
 @ti.func
 def renew(s: ti.template(), scene, t, threads, phase, now):
-    """List the pairs anew, as thread t of `threads` sees it; returns the phase that it has come to."""
+    """List the pairs anew, as thread t of `threads` sees it; returns the phase it has come to."""
     low, high = s.state.ranges[scene, 0], s.state.ranges[scene, 1]
     q = s.state.ranges[scene, TOUCH_SCENE]
     for i in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
