@@ -48,7 +48,8 @@ def add(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--contact", action="store_true",
-        help="contact instead: microseconds a contact, from 5 to 80 bodies, and a plane's share",
+        help="contact instead: microseconds a contact, from 5 to 80 bodies, a plane's share, and a "
+        "pile in a bowl",
     )  # fmt: skip
     parser.add_argument(
         "--advise", action="store_true",
@@ -98,8 +99,11 @@ def _view(options: argparse.Namespace) -> int:
 
 
 def _contact(options: argparse.Namespace) -> int:
-    """Time blocks that stand on each other, and one on a plane, and report."""
+    """Time blocks that stand on each other, one on a plane, and a pile in a bowl, and report."""
     from tisoft import bench_contact
+    from tisoft.commands.demo import demos
+    from tisoft.obstacles import Shell
+    from tisoft.scene_file import load_scene
 
     rows = []
     for count in bench_contact.BODIES:
@@ -107,6 +111,9 @@ def _contact(options: argparse.Namespace) -> int:
             print(f"{count} bodies …", file=sys.stderr)
         rows.append(bench_contact.measure(count, seconds=options.seconds))
     rows.append(bench_contact.measure_plane(seconds=options.seconds))
+    bowl = load_scene(demos()["bowl"]).obstacles[0]
+    assert isinstance(bowl, Shell)
+    rows.append(bench_contact.measure_pour(bowl))
     return _tell(options, rows, bench_contact.as_text)
 
 
