@@ -114,3 +114,12 @@ def test_what_cannot_be_grabbed_is_told():
     other = ts.Scene()
     with pytest.raises(ts.SceneError, match="is not in this simulation"):
         sim.grab(other.add_body(body.mesh, body.model), [0], [1.0], (0, 0, 0))
+
+
+@pytest.mark.parametrize(("size", "shift"), [(1.0, 1e6), (1e-3, 1.0), (1e3, 0.0)])
+def test_weights_of_a_hand_depend_neither_on_size_nor_on_place(size, shift):
+    points = np.random.default_rng(1).random((20, 3))
+    mass, at = 1.0 + points[:, 0], np.array([0.4, 0.5, 0.3])
+    place = shift * np.array([1.0, 0.0, -2.0])
+    there = patch_weights(size * points + place, mass, size * at + place)
+    assert there == pytest.approx(patch_weights(points, mass, at), abs=1e-6)
