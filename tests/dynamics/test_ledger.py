@@ -7,6 +7,7 @@ import pytest
 
 import tisoft as ts
 from tisoft.simulation import Simulation
+from tisoft.step.account import Account
 
 
 def _run(scene, frames, *, start=None, **options):
@@ -234,3 +235,17 @@ def test_the_ledger_can_be_switched_on_between_frames():
     assert sim.energy()["dissipated"] > 0.0
     sim.ledger = False
     assert sim.energy()["error"] is None
+
+
+def test_an_account_begins_with_nothing_and_tells_what_is_missing():
+    account = Account(2.0, touches=True)
+    assert account.sums() == [0.0, 0.0, 0.0, 0.0]
+    account.collect(3.0, 1.0, 0.5, 0.25)
+    account.collect(1.0, 4.0, 0.5, 0.5)
+    told = account.entries({"kinetic": 2.5, "elastic": 1.0})
+    assert told["dissipated"] == 4.0 and told["external_work"] == 5.0
+    assert told["contact"] == 1.0 and told["friction"] == 0.75
+    assert told["error"] == 3.5 + 4.0 - 5.0 - 2.0
+    again = Account(0.0, touches=True)
+    again.set_state(account.state())
+    assert again.entries({"kinetic": 3.5}) == account.entries({"kinetic": 3.5})
