@@ -85,7 +85,8 @@ class Stepper:
         pool = runtime.threads() if runtime.on_cpu() else 1
         # Sweeps of contact meet at many barriers, so a thread must have much to do between two.
         least = CELLS_PER_THREAD * (TOUCHING if rules.touching is not None else 1)
-        most = max(1, min(pool, work // least))
+        parts = sum(share.batches.parts for share in system.shares)  # which threads share out
+        most = max(1, min(pool, work // least, parts))
         self.pace = Pace(most if threads is None else max(1, min(threads, pool)))
         self.fixed = threads
         self.longest = max(SHORTEST, LAUNCH_WORK // max(1, work))
