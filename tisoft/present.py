@@ -404,6 +404,9 @@ class Present:
             found.append("let gravity change more slowly")
         if self.pushing.goes_on:
             found.append("place bodies clear of obstacles")
+        laws = [part.law for part in self.parts if part.law is not None and part.law.is_finite]
+        if not all(getattr(law, "stands_compression", False) for law in laws):
+            found.append('take model = "neo-hookean", which stands compression')
         return ", ".join([*found, "make the material stiffer", "or mend the element"])
 
     def acceleration(self) -> Floats:
