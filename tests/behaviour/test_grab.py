@@ -1,5 +1,7 @@
 """A hand on a body: it follows slowly moved targets, never costs a step, and its work is booked."""
 
+import gc
+
 import numpy as np
 import pytest
 
@@ -123,3 +125,24 @@ def test_weights_of_a_hand_depend_neither_on_size_nor_on_place(size, shift):
     place = shift * np.array([1.0, 0.0, -2.0])
     there = patch_weights(size * points + place, mass, size * at + place)
     assert there == pytest.approx(patch_weights(points, mass, at), abs=1e-6)
+
+
+def test_a_hand_that_never_let_go_pulls_at_no_later_scene():
+    """Rows of a scene that is no more are lent again."""
+
+    def loaded():
+        scene, body = beam()
+        body.load(ts.where.everything(), force=(0, 0, 1.0))
+        return ts.Simulation(scene, threads=1), body
+
+    states = []
+    for holds in (False, True, False):
+        sim, body = loaded()
+        if holds:
+            held(sim, body, np.array([1.0, 0.1, 0.1])).target += 0.1
+        sim.run(0.1)
+        states.append(sim.positions())
+        del sim
+        gc.collect()
+    assert not np.array_equal(states[0], states[1])
+    assert np.array_equal(states[0], states[2])

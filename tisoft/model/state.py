@@ -225,6 +225,7 @@ class State:
                 self.load[i][d] = 0.0
                 self.drive[i][d] = 0.0
                 self.pressed[i][d] = 0.0
+                self.drawn[i][d] = 0.0
             self.carried[i] = 0.0
             self.inverse_mass[i] = inverse_mass[k]
             self.body[i] = body[k]
