@@ -74,8 +74,9 @@ TESTS = {
     "step/touch.py": ["physics/test_touch.py", "physics/test_cage.py"],
     "step/velocity_verlet.py": ["physics/test_time_orders.py", "dynamics/test_ledger.py",
                                 "physics/test_contact.py"],
-    "stable": ["behaviour/test_followed_step.py", "behaviour/test_guard.py",
-               "dynamics/test_sharp_step.py", "physics/test_stable_step.py", "behaviour", "guard"],
+    "stable": ["behaviour/test_followed_step.py", "behaviour/test_guard.py", "test_warnings.py",
+               "dynamics/test_sharp_step.py", "dynamics/test_twins.py",
+               "physics/test_stable_step.py", "behaviour", "guard"],
     "observers": ["behaviour/test_results.py", "behaviour/test_times_and_work.py", "observers",
                   "test_observers.py", "test_nothing_lost.py", "test_cli.py"],
 }  # fmt: skip
