@@ -51,7 +51,7 @@ TESTS = {
     "step/grab.py": ["behaviour/test_grab.py"],
     "step/launches.py": ["dynamics/test_gpu.py"],
     "step/ledger.py": ["dynamics/test_ledger.py", "behaviour/test_times_and_work.py",
-                       "physics/test_contact.py"],
+                       "physics/test_contact.py", "touch"],
     "step/loading.py": ["dynamics/test_loading.py", "behaviour/test_times_and_work.py"],
     "step/means.py": ["physics/test_cage.py"],
     "step/meeting.py": ["touch"],

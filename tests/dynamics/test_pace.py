@@ -2,6 +2,7 @@
 
 import numpy as np
 
+import tisoft as ts
 from tisoft.step.pace import LONGEST_WAIT, RENEWED, Pace
 
 
@@ -43,3 +44,12 @@ def test_a_machine_with_one_thread_never_tries():
     for _ in range(10):
         assert pace.threads() == 1 and not pace.is_trial()
         pace.took(1, 1.0)
+
+
+def test_paces_are_taken_where_threads_are_not_given():
+    for threads in (None, 1):
+        scene = ts.Scene(frame_rate=60.0)
+        scene.add_body(ts.net([[0, 1, 0]], []), ts.MassSpring(stiffness=1.0, node_mass=0.1))
+        sim = ts.Simulation(scene, threads=threads)
+        sim.run(0.1)
+        assert np.isfinite(sim.stepper.pace.alone) == (threads is None)
