@@ -12,7 +12,8 @@ from tisoft.charting.costs import Kind, predicted
 from tisoft.charting.patience import Patience
 from tisoft.charting.records import Bench
 from tisoft.charting.variants import Variant
-from tisoft.step.pace import CELLS_PER_THREAD
+from tisoft.model.layout import LANES, parts_in
+from tisoft.step.pace import most_threads, work_of
 
 LATE = 2.0
 """Times what did not suffice for an answer, that it is supposed to need."""
@@ -167,13 +168,8 @@ class Asking:
 
 
 def _threads(size: dict[str, Any]) -> int:
-    """CPU threads that a scene of so many elements takes by itself, as `Stepper` does, and that
-    its parts are enough for.
-    """
-    from tisoft.model.layout import LANES, parts_in
-    from tisoft.step.stepper import SPRINGS_PER_TET  # needs Taichi
-
+    """CPU threads that a scene of one body of so many elements takes by itself."""
+    count = size["elements"]
     is_net = size["element"] == "spring"
-    count = size["elements"] // (SPRINGS_PER_TET if is_net else 1)
-    parts = count if is_net else parts_in(-(-count // LANES), LANES)
-    return max(1, min(runtime.threads(), count // CELLS_PER_THREAD, parts))
+    work = work_of(0, count) if is_net else work_of(count, 0)
+    return most_threads(work, parts_in(-(-count // LANES), LANES), runtime.threads())

@@ -5,6 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 CELLS_PER_THREAD = 150
+TOUCHING = 5
+"""Times as many cells that a thread must have where surfaces may touch: sweeps of contact meet at
+many barriers, so a thread must have much to do between two.
+"""
+SPRINGS_PER_TET = 3
+"""Springs that cost about as much as one tet."""
 TRIAL, TRIAL_WORK = 4, 40_000
 """Substeps, or cell-substeps, of the launch that tries several threads again: so many that calling
 them does not count, so few that waiting for a busy core does not hurt."""
@@ -15,6 +21,24 @@ RENEWED = 256
 """Launches with several threads, after which one runs alone to tell what alone costs by then."""
 SLOWER = 1.2
 """Several threads give way to one when a substep takes so many times as long."""
+
+
+def work_of(cells: int, springs: int) -> int:
+    """What so many cost, in cells."""
+    return cells + springs // SPRINGS_PER_TET
+
+
+def most_threads(work: int, parts: int, pool: int, *, touches: bool = False) -> int:
+    """Threads that are worth it at the most.
+
+    Args:
+        work: of a substep, in cells.
+        parts: pieces that threads share; another thread would only wait.
+        pool: threads that there are.
+        touches: whether surfaces may touch.
+    """
+    least = CELLS_PER_THREAD * (TOUCHING if touches else 1)
+    return max(1, min(pool, work // least, parts))
 
 
 class Pace:

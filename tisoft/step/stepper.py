@@ -16,7 +16,7 @@ from tisoft.model.system import System
 from tisoft.step.explicit_euler import ExplicitEuler
 from tisoft.step.launches import make_advance as make_launches
 from tisoft.step.meeting import make_depths
-from tisoft.step.pace import CELLS_PER_THREAD, TRIAL, TRIAL_WORK, Pace
+from tisoft.step.pace import TRIAL, TRIAL_WORK, Pace, most_threads, work_of
 from tisoft.step.passes import make_advance
 from tisoft.step.schedule import Schedule
 from tisoft.step.substep import Structure
@@ -35,10 +35,6 @@ LAUNCH_WORK = 400_000
 """Cell-substeps per launch at the most, some 5 ms: Ctrl-C and a busy machine are felt soon."""
 SHORTEST = 8
 """Substeps per launch that are worth it for any scene."""
-TOUCHING = 5
-"""Times as many cells that a thread must have where surfaces may touch."""
-SPRINGS_PER_TET = 3
-"""Springs that cost about as much as one tet."""
 
 
 @dataclass(frozen=True)
@@ -81,12 +77,10 @@ class Stepper:
         self.system = system
         self.rules = rules
         self.integrator = INTEGRATORS[rules.integrator]
-        work = system.elements + system.springs // SPRINGS_PER_TET
+        work = work_of(system.elements, system.springs)
         pool = runtime.threads() if runtime.on_cpu() else 1
-        # Sweeps of contact meet at many barriers, so a thread must have much to do between two.
-        least = CELLS_PER_THREAD * (TOUCHING if rules.touching is not None else 1)
-        parts = sum(share.batches.parts for share in system.shares)  # which threads share out
-        most = max(1, min(pool, work // least, parts))
+        parts = sum(share.batches.parts for share in system.shares)
+        most = most_threads(work, parts, pool, touches=rules.touching is not None)
         self.pace = Pace(most if threads is None else max(1, min(threads, pool)))
         self.fixed = threads
         self.longest = max(SHORTEST, LAUNCH_WORK // max(1, work))
