@@ -182,7 +182,7 @@ def renew(s: ti.template(), scene, t, threads, phase, now):
         stand_all(s, q, t, threads)
     phase += 1
     meet(s, scene, phase, threads)
-    return search(s, s.surfaces, scene, q, t, threads, phase, now)
+    return search(s, scene, q, t, threads, phase, now)
 
 
 @ti.func

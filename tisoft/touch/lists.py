@@ -187,8 +187,7 @@ def find_faces(touch: ti.template(), q, t, threads):
     row = touch.order[q, f.CANDIDATE] + t * touch.order[q, f.WIDTH]
     touch.segment[own, f.FACE_START] = n
     for k in range(touch.segment[own, f.PATCH_START], touch.segment[own, f.PATCH_STOP]):
-        body = touch.patch[k, f.OWNER]
-        work = -n
+        body, begun, seen = touch.patch[k, f.OWNER], n, 0
         if touch.trait[body, f.BARE] == 0 and touch.trait[body, f.NEAR]:
             begin, end = touch.patch[k, f.BEGIN], touch.patch[k, f.END]
             lo, hi = face_box(touch, begin)
@@ -208,8 +207,8 @@ def find_faces(touch: ti.template(), q, t, threads):
                     n = pair_cores(touch, q, i, n, stop)
                 if last > row:
                     n = pair_faces(touch, q, i, ti.Vector([row, last]), n, stop)
-            work += last - row
-        touch.patch_work[k] = n + work
+            seen = last - row
+        touch.patch_work[k] = seen + n - begun
     touch.segment[own, f.FACE_STOP] = n
 
 
@@ -270,8 +269,9 @@ def fill_slots(touch: ti.template(), q, threads):
 
 
 @ti.func
-def search(s: ti.template(), touch: ti.template(), scene, q, t, threads, phase, now):
+def search(s: ti.template(), scene, q, t, threads, phase, now):
     """List the candidates anew; returns the phase that it has come to."""
+    touch = s.surfaces
     own = touch.order[q, f.THREAD]
     measure_points(touch, q, t, threads)
     phase += 1

@@ -23,14 +23,13 @@ import taichi as ti
 
 from tisoft.obstacles.base import FLAT_LINE, POINT
 from tisoft.touch import fields as f
+from tisoft.touch.awake import SEEN, longest_way, near_of, way_of
 from tisoft.touch.closest import between_lines, nearest_on_line, on_triangle
 from tisoft.touch.lists import BLUR
 from tisoft.touch.near import couple_of
 
 PUSH = 0.2
 """Share of a penetration that a substep takes back."""
-SEEN = 1.2
-"""Thicknesses beyond which a side is believed."""
 CONE = 1e-4
 """Cosine by which a point may lie outside of a feature's normal cone."""
 EDGEWISE = 0.05
@@ -316,37 +315,6 @@ def is_nearest(touch: ti.template(), z):
 
 
 @ti.func
-def asleep_beyond(touch: ti.template(), q, threads):
-    """Distance [m] at the search from which on all pairs sleep, whichever their points are."""
-    thread = touch.order[q, f.THREAD]
-    most = touch.most[thread, f.GONE]
-    for t in range(1, threads):
-        most = ti.max(most, touch.most[thread + t, f.GONE])
-    return near_of(touch, q) + 2.0 * most
-
-
-@ti.func
-def near_of(touch: ti.template(), q):
-    """Distance [m] beyond which a pair does nothing."""
-    near = SEEN * touch.length[q, f.THICK] + touch.length[q, f.SUNK]
-    return ti.cast(near, touch.real)
-
-
-@ti.func
-def is_awake(touch: ti.template(), q, z, kind):
-    """Whether the points of pair z may have come together since the search."""
-    one, other = touch.gone[touch.ends[z, 0]], touch.gone[touch.ends[z, 1]]
-    far = ti.max(touch.gone[touch.ends[z, 2]], touch.gone[touch.ends[z, 3]])
-    if kind == 0:
-        far = ti.max(far, other)
-        other = one
-        if touch.order[q, f.MOVING]:
-            if touch.trait[touch.body[touch.ends[z, 0]], f.ROUND] > POINT:
-                other = touch.gone[touch.ends[z, 0] + 1]
-    return touch.distance[z] < near_of(touch, q) + ti.max(one, other) + far
-
-
-@ti.func
 def find_rows(touch: ti.template(), q, t, threads, measures, eases, h):
     """Thread t's rows of this substep; returns how many.  Pairs whose points have not gone far
     enough since the search sleep.
@@ -356,15 +324,16 @@ def find_rows(touch: ti.template(), q, t, threads, measures, eases, h):
         eases: whether bodies are pushed out of each other: points then by their nearest faces.
     """
     own = touch.order[q, f.THREAD] + t
-    far, count = asleep_beyond(touch, q, threads), 0
+    close, count = near_of(touch, q), 0
+    far = close + longest_way(touch, q, threads)
     for kind in range(2):
         begin, n = touch.segment[own, 2 * kind], 0
         for z in range(begin, touch.segment[own, 2 * kind + 1]):
             near = 0
             behind = -1e30 + 0.0 * h
-            awake = 0
-            if touch.distance[z] < far:
-                awake = is_awake(touch, q, z, kind)
+            awake = touch.distance[z] < far
+            if awake:
+                awake = touch.distance[z] < close + way_of(touch, q, z, kind)
             if awake:
                 drift, w, normal, distance, ok = row_of(touch, z, kind)
                 if ok:

@@ -124,28 +124,29 @@ def solve(s: ti.template(), scene, q, hands, phase, now):
     Args: hands: number of this one, how many there are, and how many have rows.
     """
     touch = s.surfaces
-    own, crew, threads = hands[0], hands[1], hands[2]
+    own, crew = hands[0], hands[1]
+    low, high = own, own + 1
+    if crew == 1:
+        high = hands[2]
     count = weigh(touch, q, own, crew)
     thread = touch.order[q, f.THREAD]
     begin = share(touch.order[q, f.POINT], touch.order[q, f.POINT_END], own, crew)
     phase += 1
     meet(s, scene, phase, crew)
     tolerance = ti.cast(touch.length[q, f.TOLERANCE], touch.real) / now.h
-    for k in range(threads):
-        if k % crew == own:
-            for kind in range(2):
-                first = touch.segment[thread + k, 2 * kind]
-                for row in range(first, first + touch.segment[thread + k, f.FACES_NEAR + kind]):
-                    soften(touch, row)
+    for k in range(thread + low, thread + high):
+        for kind in range(2):
+            first = touch.segment[k, 2 * kind]
+            for row in range(first, first + touch.segment[k, f.FACES_NEAR + kind]):
+                soften(touch, row)
     number = 0
     while number < MOST_SWEEPS:
         worst = 0.0 * tolerance
-        for k in range(threads):
-            if k % crew == own:
-                for kind in range(2):
-                    first = touch.segment[thread + k, 2 * kind]
-                    for row in range(first, first + touch.segment[thread + k, f.FACES_NEAR + kind]):
-                        worst = ti.max(worst, push(touch, row))
+        for k in range(thread + low, thread + high):
+            for kind in range(2):
+                first = touch.segment[k, 2 * kind]
+                for row in range(first, first + touch.segment[k, f.FACES_NEAR + kind]):
+                    worst = ti.max(worst, push(touch, row))
         touch.most[thread + own, f.WORST] = worst
         phase += 1
         meet(s, scene, phase, crew)
