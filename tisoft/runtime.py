@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from tisoft.cores import Cores, permitted
 from tisoft.errors import SceneError
 from tisoft.reading_kernels import keep_what_is_read
 
@@ -18,6 +19,8 @@ _started: str | None = None
 _pool: Any = None
 _kernels: dict[Any, Any] = {}
 _most_threads: int | None = None
+cores = Cores()
+"""Those that threads of this start of Taichi run on."""
 generation = 0
 """How often Taichi was started; fields and kernels of an older start are dead."""
 
@@ -50,7 +53,7 @@ def start(arch: str = "cpu", *, threads: int | None = None) -> str:
     Raises:
         SceneError: an unknown arch, or one that this machine lacks.
     """
-    global _started, generation, _pool, _most_threads
+    global _started, generation, _pool, _most_threads, cores
     if arch not in ARCHS:
         raise SceneError(f"arch is {arch!r}; choose one of {', '.join(ARCHS)}")
     ti = import_taichi()
@@ -74,6 +77,7 @@ def start(arch: str = "cpu", *, threads: int | None = None) -> str:
         )
     _started = arch
     _pool = None
+    cores = Cores()
     generation += 1
     return arch
 
@@ -99,7 +103,7 @@ def has_f64() -> bool:
 
 def threads() -> int:
     """CPU threads that a scene may take."""
-    pool = int(import_taichi().cfg.cpu_max_num_threads)
+    pool = min(int(import_taichi().cfg.cpu_max_num_threads), permitted())
     return pool if _most_threads is None else min(pool, _most_threads)
 
 

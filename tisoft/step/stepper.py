@@ -185,8 +185,10 @@ class Stepper:
         if self.schedule is not None:
             self.schedule.fill(done, now)
         begun = time.perf_counter()
-        self._advance(self.system.scene)
-        if not runtime.on_cpu():
+        if runtime.on_cpu():
+            runtime.cores.launch(threads, lambda: self._advance(self.system.scene))
+        else:
+            self._advance(self.system.scene)
             runtime.import_taichi().sync()
         if self.fixed is None:
             spent = time.perf_counter() - begun - (self._call if threads > 1 else 0.0)
