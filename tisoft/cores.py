@@ -1,9 +1,9 @@
 """Which core each thread of a launch runs on.
 
 Threads of a launch meet at a barrier after each pass.  Linux may well wake two of them on one core
-while another stands idle, and there each waits for a slice of the scheduler's, some 10 ms, until
-the other lets it on.  So while launches take all cores, each of their threads is held to one; before
-a launch of fewer threads they are let go, so that it may run where no other program does.
+while another stands idle, and there each waits, some 10 ms long, until the scheduler takes the core
+from the other.  So while launches take all cores, each of their threads is held to one; before a
+launch of fewer threads they are let go, so that it may run where no other program does.
 """
 
 from __future__ import annotations
