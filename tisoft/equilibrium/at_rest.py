@@ -23,8 +23,12 @@ class AtRest:
         self.part = part
         self.nodes = len(part.order)
         self.mass = part.mass
-        self._matrix = _matrix(part, "elastic")
-        self._viscosity = _matrix(part, "viscous") if part.is_viscous() else None
+        pattern = assembly.Pattern(self.nodes, [cells.nodes for cells in part.solids])
+        solids = part.solids
+        self._matrix = pattern.matrix([cells.matrices(*cells.elastic) for cells in solids])
+        self._viscosity: sparse.csc_matrix | None = None
+        if part.is_viscous():
+            self._viscosity = pattern.matrix([cells.matrices(*cells.viscous) for cells in solids])
 
     def stiffness_times(self, w: Floats, u: Floats | None = None) -> Floats:
         """K w [N], shape (nodes, 3)."""
@@ -33,7 +37,7 @@ class AtRest:
 
     def stiffness(self, u: Floats | None = None) -> sparse.csc_matrix:
         """K at rest [N/m], unknown 3 node + axis."""
-        return self._matrix.tocsc()
+        return self._matrix
 
     def viscosity_times(self, w: Floats, u: Floats | None = None) -> Floats:
         """C w [N] of φ and η, shape (nodes, 3)."""
@@ -45,15 +49,3 @@ class AtRest:
     def consistent_mass(self) -> sparse.csc_matrix:
         """Consistent mass [kg] between nodes."""
         return assembly.consistent_mass(self.part)
-
-
-def _matrix(part: Part, pair: str) -> sparse.csr_matrix:
-    size = 3 * len(part.order)
-    total = sparse.csr_matrix((size, size))
-    for cells in part.solids:
-        dofs = (3 * cells.nodes[:, :, None] + np.arange(3)).reshape(len(cells.nodes), -1)
-        width = dofs.shape[1]
-        pairs = np.repeat(dofs, width, axis=1).ravel(), np.tile(dofs, width).ravel()
-        values = cells.matrices(*getattr(cells, pair)).ravel()
-        total = total + sparse.coo_matrix((values, pairs), shape=(size, size)).tocsr()
-    return total

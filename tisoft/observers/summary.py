@@ -39,7 +39,7 @@ def summary(
         "wall_seconds": wall_seconds,
         "compile_seconds": sim.compile_seconds,
         "start_seconds": sim.start_seconds,
-        "setup_seconds": sim.start_seconds,
+        "setup_seconds": sim.setup_seconds,
         "element_substeps_per_second": elements * sim.substeps / max(wall_seconds, 1e-9),
         "real_time_factor": sim.time / max(wall_seconds, 1e-9),
         "arch": sim.arch,

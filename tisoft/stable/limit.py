@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import dataclass
 from typing import Any
 
@@ -79,6 +80,8 @@ class StepLimit:
         self._next_look = self._next_soon = self._seen = 0
         self.sharpens = True
         """Whether the sharp limit is found anew in states far from rest, which takes a while."""
+        self.certifying_seconds = 0.0
+        """Wall time that finding the sharp limit at rest has taken."""
         self.refresh()
 
     def _kernel(self) -> Any:
@@ -187,9 +190,11 @@ class StepLimit:
     def _sharp_at_rest(self) -> Floats:
         """The sharp limit of each body at rest [s]."""
         if self._at_rest is None:
+            begun = time.perf_counter()
             twins = [part.index for part in first_twins(self.system.parts)]
             found = {k: self._look(self.system.parts[k], None)[0] for k in dict.fromkeys(twins)}
             self._at_rest = np.maximum([found[k] for k in twins], self._rest_bounds)
+            self.certifying_seconds += time.perf_counter() - begun
         return self._at_rest
 
     @property
