@@ -113,7 +113,7 @@ class Simulation(Motion):
         if interactive:
             self.rehearse()
         self.start_seconds = time.perf_counter() - begun - self.compile_seconds
-        """Seconds of making it, without compiling; Taichi's own start is in it, where it was new."""
+        """Seconds of making it, without compiling; with Taichi's own start, where that was new."""
         self._made_seconds = time.perf_counter() - started - self.compile_seconds
 
     def __setattr__(self, name: str, value: Any) -> None:
