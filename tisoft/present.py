@@ -4,6 +4,7 @@ the caller changes between frames.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from copy import copy
@@ -63,6 +64,7 @@ class Present:
         ledger: bool,
         interactive: bool = False,
     ) -> None:
+        begun = time.perf_counter()
         self.scene = scene
         self.precision = precision
         self.certify = certify
@@ -119,6 +121,7 @@ class Present:
         self.hands = Hands(self.system)
         self._threads = threads
         self._compile(ledger)
+        self._made_seconds = time.perf_counter() - begun - self.compile_seconds
 
     def _compile(self, ledger: bool) -> None:
         self._obstacles = tuple(self.scene.obstacles)
@@ -139,6 +142,13 @@ class Present:
     def compile_seconds(self) -> float:
         """Seconds that compiling kernels has taken since this simulation was begun."""
         return runtime.compile_seconds - self._compiled
+
+    @property
+    def setup_seconds(self) -> float:
+        """Seconds of numbering, uploading and certifying the step; neither compiling nor stepping
+        is in it.
+        """
+        return self._made_seconds + self.limit.certifying_seconds
 
     def _make_stepper(self) -> Stepper:
         stepper = Stepper(self.system, self._rules(), threads=self._threads, schedule=self.schedule)

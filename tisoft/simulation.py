@@ -101,7 +101,6 @@ class Simulation(Motion):
         scene = entering.scene_of(scene)
         entering.check_half_step(scene)
         self.arch = runtime.start(arch)
-        started = time.perf_counter()
         super().__init__(
             scene,
             precision=precision or scene.precision,
@@ -114,18 +113,10 @@ class Simulation(Motion):
             self.rehearse()
         self.start_seconds = time.perf_counter() - begun - self.compile_seconds
         """Seconds of making it, without compiling; with Taichi's own start, where that was new."""
-        self._made_seconds = time.perf_counter() - started - self.compile_seconds
 
     def __setattr__(self, name: str, value: Any) -> None:
         entering.check_attribute(self, name, value)
         super().__setattr__(name, value)
-
-    @property
-    def setup_seconds(self) -> float:
-        """Seconds of numbering, uploading and certifying the step; neither compiling nor stepping
-        is in it.
-        """
-        return self._made_seconds + self.limit.certifying_seconds
 
     @property
     def warnings(self) -> list[str]:
