@@ -13,7 +13,7 @@ from typing import Any
 
 HOOKS = ("on_start", "on_frame", "on_end")
 ALONE = 10
-"""First frames of a run that are made one by one: what goes wrong at once is seen at once."""
+"""First frames of a simulation, made one by one: what goes wrong at once is seen at once."""
 
 
 def run(sim: Any, count: int, observers: list[Any]) -> None:
@@ -33,12 +33,12 @@ def run(sim: Any, count: int, observers: list[Any]) -> None:
 def _frames(sim: Any, count: int, observers: list[Any]) -> Iterator[Any]:
     every = [getattr(observer, "looks_every", 1) for observer in observers]
     tells = any(n != 1 for n in every)
-    begun, last = sim.frame, sim.frame + count
+    last = sim.frame + count
     yield sim.here()
     while sim.frame < last:
         first = sim.frame
         free = [n - first % n for n in every if n] + [last - first]
-        made = sim.make_frames(min(free)) if first >= begun + ALONE else []
+        made = sim.make_frames(min(free)) if first >= ALONE else []
         if not made:
             made = [sim.make_frame(tells=tells)]
         for k, told in enumerate(made, 1):
