@@ -40,6 +40,19 @@ def scatter(
 
 
 @ti.func
+def scatter_both(block: ti.template(), state: ti.template(), b, columns: ti.template()):
+    """The same of forces and, from row 3 corners on, of their viscous shares: one walk for both."""
+    size = ti.static(3 * block.corners)
+    for lane in range(block.lanes):
+        for c in range(block.corners):
+            k = block.places[b, c, lane]
+            for d in ti.static(range(3)):
+                f, g = columns[3 * c + d, lane], columns[size + 3 * c + d, lane]
+                state.force[k][d] = state.force[k][d] + f
+                state.viscous_force[k][d] = state.viscous_force[k][d] + g
+
+
+@ti.func
 def load_rest(block: ti.template(), b, rest: ti.template()):
     """The batch's rest numbers, copied before the loop over lanes.  Reads block.rest."""
     for k in range(block.element.numbers):
@@ -74,9 +87,10 @@ def batch(block: ti.template(), state: ti.template(), apart: ti.template(), b):
         for lane in range(lanes):
             block.element.forces(block.law, rest, u, v, m, q, lane, out)
     finish(block, rest, out)
-    scatter(block, state.force, b, out, 0)
     if ti.static(apart):
-        scatter(block, state.viscous_force, b, out, size)
+        scatter_both(block, state, b, out)
+    else:
+        scatter(block, state.force, b, out, 0)
 
 
 @ti.func

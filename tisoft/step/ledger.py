@@ -21,12 +21,13 @@ from tisoft.step import external
 
 
 @ti.func
-def note(state: ti.template(), i, elements, viscous, moved, old, now):
+def note(s: ti.template(), i, elements, viscous, moved, old, now):
     """Add node i's dissipated energy and external work [J] of a pass to state.work.
 
     Args: elements, viscous: force of the elements and its viscous share [N]; moved: what the
     integrator returned; old: velocity before the pass [m/s].
     """
+    state = s.state
     mass = 1.0 / state.inverse_mass[i]
     load = external.force(state, i, now)
     kept = elements - viscous + mass * now.gravity
@@ -37,17 +38,20 @@ def note(state: ti.template(), i, elements, viscous, moved, old, now):
     if now.loaded:  # a hand's force changes as the node moves: what it gives is its kick's work
         given += state.drawn[i].dot(moved.kick * mean - moved.way)
     bits = state.fixed[i]
-    for c in ti.static(range(3)):
-        if bits & (1 << c):
-            impulse = mass * (moved.after[c] - moved.before[c])
-            impulse -= moved.kick * (kept[c] + lost[c] + load[c])
-            given += impulse * mean[c]
-        else:
-            given -= (kept[c] + load[c]) * moved.push[c]
-            taken -= mass * moved.jump[c] * mean[c]
-    if bits != 7:
-        given += mass * state.carried[i]
-        taken += mass * state.carried[i]
+    if bits:
+        for c in ti.static(range(3)):
+            if bits & (1 << c):
+                impulse = mass * (moved.after[c] - moved.before[c])
+                impulse -= moved.kick * (kept[c] + lost[c] + load[c])
+                given += impulse * mean[c]
+    if ti.static(s.contact):
+        for c in ti.static(range(3)):
+            if not bits & (1 << c):
+                given -= (kept[c] + load[c]) * moved.push[c]
+                taken -= mass * moved.jump[c] * mean[c]
+        if bits != 7:
+            given += mass * state.carried[i]
+            taken += mass * state.carried[i]
     state.work[i][0] = state.work[i][0] + taken
     state.work[i][1] = state.work[i][1] + given
 

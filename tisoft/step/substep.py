@@ -90,7 +90,7 @@ def move(s: ti.template(), i, a, f, now, pushed, rubbed):
     if ti.static(s.ledger and (s.touches or s.holds_means)):
         s.state.pull[i] = a
     if ti.static(s.ledger):
-        ledger.note(s.state, i, f, forces.viscous_total(s.state, i), moved, old, now)
+        ledger.note(s, i, f, forces.viscous_total(s.state, i), moved, old, now)
         if ti.static(s.meets):
             ledger.note_touch(s.state, i, moved, pushed, rubbed)
 
