@@ -125,7 +125,7 @@ class Asking:
         size = self.size(variant)
         if size is None:
             return ("", "", "", "", ""), {}
-        from tisoft.model.system import SMALL  # needs Taichi, which whoever only asks may lack
+        from tisoft.model.lent import SMALL  # needs Taichi, which whoever only asks may lack
 
         words = [size[k] for k in ("element", "model", "precision", "integrator")]
         alone = _threads(size) == 1 if what == "timing" else size["elements"] < SMALL

@@ -25,8 +25,9 @@ from numpy.typing import NDArray
 from tisoft import runtime
 from tisoft.equilibrium.operators import plain_body
 from tisoft.measures.kernels import make_measures
+from tisoft.model.lent import Share
 from tisoft.model.part import Part
-from tisoft.model.system import Share, System
+from tisoft.model.system import System
 
 Floats = NDArray[np.float64]
 
