@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 
 from tisoft import runtime
 from tisoft.body import Body
+from tisoft.changing import Changing
 from tisoft.checks import FieldError
 from tisoft.gaps import faces_meet, radius_of
 from tisoft.gravity import strongest
 from tisoft.model import state as columns
 from tisoft.model.part import Part
-from tisoft.present import AGAIN, Present
+from tisoft.present import AGAIN
 from tisoft.rows_in_time import coarse_rows
 from tisoft.scene import Scene
 from tisoft.stable.guard import Guard
@@ -45,7 +46,7 @@ MOST_SUBSTEPS = 1e9
 """Substeps that a frame may have: hours of stepping, before which no frame would be seen."""
 
 
-class Motion(Present):
+class Motion(Changing):
     """The moving part of a Simulation, which has the arguments."""
 
     def __init__(self, scene: Scene, *, certify: bool, **options: Any) -> None:

@@ -1,26 +1,21 @@
-"""A scene in the engine: its system, limits and watchers; what its present state comes to; and what
-the caller changes between frames.
-"""
+"""A scene in the engine: its system, limits and watchers, and what its present state comes to."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from copy import copy
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tisoft import runtime
-from tisoft.checks import inside
 from tisoft.equilibrium.damping import damped_body
-from tisoft.errors import SceneError
 from tisoft.followed import Kept
 from tisoft.gravity import changes, gravity_at, strongest
 from tisoft.model import state as columns
-from tisoft.model.number_range import check_bound, check_parts, check_range, check_scene
+from tisoft.model.number_range import check_bound, check_range
 from tisoft.model.part import Part
 from tisoft.model.system import System
 from tisoft.moving import STILL, moves
@@ -38,7 +33,6 @@ from tisoft.step.observe import energy_table
 from tisoft.step.pins import Holder
 from tisoft.step.schedule import Acting, Schedule, obstacle_signal
 from tisoft.step.stepper import Rules, Stepper
-from tisoft.touch.meetings import stands
 from tisoft.touch.touching import touching_of
 
 Floats = NDArray[np.float64]
@@ -232,8 +226,6 @@ class Present:
         table = self._table(self.gravity_now)
         self.account = Account(sum(table.values()), touches=self.touching is not None)
 
-    # -- what the caller changed ---------------------------------------------------------------
-
     def place_obstacles(self) -> None:
         """Tell the kernels where obstacles are, seen from the bodies' origins."""
         self._obstacles = tuple(self.scene.obstacles)
@@ -246,101 +238,15 @@ class Present:
         if self.touching is not None:
             self.touching.place_origins()
 
-    def put_anew(self) -> None:
-        """Say that bodies have been put elsewhere: what is inside of something comes out slowly."""
-        self.pushing.begin()
-        self.place_obstacles()
-        self.pushing.is_due = True
-
-    def _meet_anew(self, obstacles: list[Any]) -> None:
-        """Take other obstacles: what faces may meet of them, or of those before."""
-        if not any(stands(obstacle) for obstacle in obstacles):
-            return
-        self.pushing.easing = None
-        old, self.touching = self.touching, touching_of(self.scene, self.system, fresh=False)
-        if old is not None:
-            old.end()
-        if self.touching is None:
-            self.meets = False
-        self.look_for_contact()
-
     @property
     def moves_obstacles(self) -> bool:
         """Whether an obstacle moves by itself."""
         return any(moves(obstacle) for obstacle in self._obstacles)
 
-    def take_changes(self) -> bool:
-        """Take over what the caller changed since the last frame; returns whether materials,
-        gravity or obstacles did.
-
-        Raises:
-            FieldError: what cannot change while it runs, or is impossible; nothing is taken then.
-        """
-        self._check_changes()
-        if self.scene.frame_rate != self._rate:
-            self._rate, self.origin = self.scene.frame_rate, (self.frame, self.time)
-        made_of = [body.made_of for body in self.scene.bodies]
-        changed, shaken = made_of != self._made_of, self.scene.gravity != self._given_gravity
-        others = changed or shaken
-        if others:
-            with self._as_external_work():
-                if changed:
-                    self._reread()
-                    self._made_of = made_of
-                    self.remade = True
-                self._given_gravity = self.scene.gravity
-                self.gravity_now = gravity_at(self.scene.gravity, self.time)
-        if self._has_other_obstacles():
-            known, asked = self._obstacles, tuple(self.scene.obstacles)
-            self._obstacles = asked
-            self._meet_anew([*known, *asked])
-            if not _go_on(known, asked, self.time):
-                self.pushing.begin()
-                others = self.pushing.is_due = True
-            self.place_obstacles()
-            shaken = True
-        if shaken:
-            self.loading.forget()
-        if self.loading.refresh() or shaken or (changed and self.shakes):
-            self._set_inputs()
-        if self._rules() != self.stepper.rules:
-            self.stepper = self._make_stepper()
-            self.stepper.compile()
-        self.stepper.loaded = self._is_loaded()
-        if self.pushing.is_due:
-            self.pushing.ease()
-        return others
-
-    def rehearse(self) -> None:
-        """Compile what taking over a change needs, and the guard's second look at its energy;
-        changes nothing.
-        """
-        self._reread()
-        self.stepper.save()
-        self.stepper.restore()
-        self.system.set_motion(*self.system.motion())
-
-    def _check_changes(self) -> None:
-        """Refuse what cannot be followed before anything is taken."""
-        scene = self.scene
-        scene.check_together()
-        self._kept.check(scene)
-        if scene.gravity != self._given_gravity or self._has_other_obstacles():
-            check_scene(scene, self.precision)
-        if self._kept.settled(scene):
-            self.next_look = min(self.next_look, AGAIN)
-        for part, body in zip(self.system.parts, scene.bodies, strict=True):
-            if part.body is not body:  # with its damping ratio turned; else the same
-                part.body.pins, part.body.loads = body.pins, body.loads
-
     def time_of(self, frame: int) -> float:
         """When a frame from now on, or of those just made, ends [s]."""
         first, since = self.origin
         return since + (frame - first) / self.scene.frame_rate
-
-    def _has_other_obstacles(self) -> bool:
-        now, known = self.scene.obstacles, self._obstacles
-        return len(now) != len(known) or any(a is not b for a, b in zip(now, known, strict=True))
 
     def shake(self, end: float) -> None:
         """Take the gravity of the end of a stretch [s]: the work of that is external."""
@@ -366,34 +272,6 @@ class Present:
     def _table(self, gravity: Any) -> dict[str, float]:
         """Kinetic, elastic and gravity energy [J] of the present state under `gravity` [m/s²]."""
         return energy_table(self.system, self.stepper.measure(gravity), gravity)
-
-    def _reread(self) -> None:
-        """Take the bodies' materials; all of them, or none."""
-        parts = self.system.parts
-        before = []
-        for part, body, made_of in zip(parts, self.scene.bodies, self._made_of, strict=True):
-            old = part.body
-            if old is body:  # whose model is the new one already
-                old = copy(body)
-                old.model, old.regions = made_of[0], list(made_of[1:])
-            before.append(old)
-        bodies = []
-        for k, body in enumerate(self.scene.bodies):
-            with inside(f"body[{k}]"):
-                body.validate()
-                bodies.append(damped_body(body))
-        for part, body in zip(parts, bodies, strict=True):
-            part.body = body
-        try:
-            with np.errstate(all="ignore"):
-                self.system.reread_models()
-                check_parts(self.system)
-        except SceneError:
-            for part, body in zip(parts, before, strict=True):
-                part.body = body
-            self.system.reread_models()
-            raise
-        self.limit.refresh()
 
     # -- the present state ---------------------------------------------------------------------
 
@@ -469,14 +347,3 @@ class Present:
     def parts(self) -> list[Part]:
         """The bodies' shares of the arrays."""
         return self.system.parts
-
-
-def _go_on(known: tuple[Any, ...], asked: tuple[Any, ...], time: float) -> bool:
-    """Whether obstacles are where others were at `time` [s], and differ in how they move on."""
-    if [type(o) for o in known] != [type(o) for o in asked]:
-        return False
-    zero, now = np.zeros(3), np.array([time])
-    pairs = [
-        (a.numbers(zero, now), b.numbers(zero, now)) for a, b in zip(known, asked, strict=True)
-    ]
-    return all(np.allclose(a, b, rtol=1e-9, atol=1e-12 * np.abs(a).max()) for a, b in pairs)
