@@ -230,7 +230,7 @@ def _timed(whole: Survey, true: dict[str, Judged], chosen: list[str]) -> dict[st
         if name in true:
             timing = whole.asking.ask("timing", whole.judging.named(name), always=True)
             if timing is not None:
-                found[name] = float(timing["cost"])
+                found[name], _ = whole.asking.cost(whole.judging.named(name))
     return found
 
 
@@ -242,8 +242,10 @@ def _costs(whole: Survey, timed: dict[str, float]) -> list[dict[str, Any]]:
         if kind is not None:
             kinds[name] = kind
     first = next(iter(kinds))
+    own = whole.asking.timed(whole.judging.named(first))
+    assert own is not None
     return [
-        {"name": name, "predicted": predicted(kind, [(kinds[first], timed[first])]),
+        {"name": name, "predicted": predicted(kind, [(kinds[first], own)]),
          "timed": timed[name]}
         for name, kind in kinds.items() if name != first
     ]  # fmt: skip

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from tisoft import cli
-from tisoft.charting import advice, written
-from tisoft.charting.costs import Kind, predicted
+from tisoft.charting import advice, runs, written
+from tisoft.charting.costs import Kind, Timing, predicted
 from tisoft.charting.doubting import doubts
 from tisoft.charting.estimate import Ruler
 from tisoft.charting.paths import Paths
 from tisoft.charting.patience import Patience
 from tisoft.charting.records import Bench, step_of
+from tisoft.charting.runs import timing_of
 from tisoft.charting.steps import step_error
 from tisoft.charting.survey import Survey
 from tisoft.charting.variants import Variant
@@ -118,13 +119,52 @@ def test_costs_are_predicted_from_what_is_most_alike():
     tets, twice = kind("tet4", 1000, 6000.0), kind("tet4", 2000, 12000.0)
     hexes = kind("hex8", 1000, 6000.0)
     cost = predicted(tets, [])
-    assert predicted(twice, [(tets, 1.5 * cost)]) == pytest.approx(6.0 * cost, rel=0.05)
+    own = (tets, Timing(1.5 * cost))
+    assert predicted(twice, [own]) == pytest.approx(6.0 * cost, rel=0.05)
     # A hexahedron that is as slow tells the same, and most of it where nothing else is timed.
-    slow = (hexes, 1.5 * predicted(hexes, []))
-    assert predicted(twice, [(tets, 1.5 * cost), slow]) == pytest.approx(6.0 * cost, rel=0.05)
+    slow = (hexes, Timing(1.5 * predicted(hexes, [])))
+    assert predicted(twice, [own, slow]) == pytest.approx(6.0 * cost, rel=0.05)
     assert 1.3 * cost < predicted(tets, [slow]) < 1.5 * cost
     watched = [predicted(kind("tet4", n, 6.0 * n, 60.0), []) for n in (1000, 2000)]
     assert 2.5 < watched[1] / watched[0] < 3.99
+
+
+def test_what_a_scene_takes_besides_and_stiffens_by_is_foretold_of_its_other_variants():
+    """Frames of .4 ms, whatever the mesh; and limits that fall, those of quadratic tets thrice as
+    far, of springs not at all."""
+
+    def kind(element, elements, substeps):
+        model = "mass-spring" if element == "spring" else "viscoelastic"
+        return Kind(element, model, "f32", "symplectic-euler", elements, substeps, 60.0)
+
+    tets = kind("tet4", 200, 780.0)
+    frame = tets.looks() + 4e-4
+    for growth in (1.0, 1.2):
+        timing = Timing(1.0, tets.substep(), frame, growth)
+        for other, times in (("tet4", 1.0), ("tet10", 3.0), ("spring", 0.0)):
+            fine = kind(other, 400, 1000.0)
+            substeps = 1000.0 * (1.0 + times * (growth - 1.0)) * fine.substep()
+            expected = substeps + 60.0 * (fine.looks() + 4e-4)
+            assert predicted(fine, [(tets, timing)]) == pytest.approx(expected, rel=0.06)
+
+
+def test_a_cost_is_timed_of_the_scenes_duration_and_no_more(tmp_path, monkeypatch):
+    """A bar that is turned on and on would be wrung out: its substeps are those of its second."""
+    path = tmp_path / "turned.toml"
+    turn = "turn = { point = [0, 0.1, 0.1], axis = [1, 0, 0], rate = 3.0 }\n"
+    end = "[[body.pin]]\nwhere = { box = [[0.999, -1, -1], [1.001, 1, 1]] }\n"
+    text = BAR.replace('model = "auto"\ntolerance = 0.9\n', "").replace(
+        "[[probe]]", end + turn + "[[probe]]"
+    )
+    path.write_text(text.replace("0.05", "0.5"))
+    scene = load_scene(path, ["body.0.damping_ratio=0.05"])  # whose kernels are compiled already
+    monkeypatch.setattr(runs, "TIMED", 0.03)
+    timing = timing_of(scene, [])
+    sim = Simulation(scene)
+    sim.run()
+    at_rest = step_of(scene, [])["substeps"] * scene.frame_rate * scene.duration
+    assert timing["growth"] == pytest.approx(sim.substeps / at_rest, rel=1e-6)
+    assert timing["growth"] < 2.0
 
 
 def test_paths_that_part_are_noticed():

@@ -8,13 +8,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from tisoft import runtime
-from tisoft.charting.costs import Kind, predicted
+from tisoft.charting.costs import Kind, Timing, growth_of, predicted
 from tisoft.charting.patience import Patience
 from tisoft.charting.records import Bench
 from tisoft.charting.variants import Variant
 from tisoft.model.layout import LANES, parts_in
 from tisoft.step.pace import most_threads, work_of
 
+TIMED_OF = ("cost", "substep", "frame", "growth")
+"""What a record tells of a timing."""
 LATE = 2.0
 """Times what did not suffice for an answer, that it is supposed to need."""
 LONGEST = 3.0
@@ -136,24 +138,29 @@ class Asking:
 
     def cost(self, variant: Variant) -> tuple[float, bool]:
         """Seconds of computing a simulated second, and whether they were timed."""
-        if (timed_cost := self.timed(variant)) is not None:
-            return timed_cost, True
+        own, timing = self.kind_of(variant), self.timed(variant)
+        if timing is not None and (timing.growth is not None or timing.substep is None):
+            return timing.cost, True
         timed = [
-            (kind, cost)
+            (kind, found)
             for other in self.variants
-            if (cost := self.timed(other)) is not None and (kind := self.kind_of(other))
+            if (found := self.timed(other)) is not None and (kind := self.kind_of(other))
         ]
-        own = self.kind_of(variant)
-        return (predicted(own, timed), False) if own else (float("inf"), False)
+        if own is None:
+            return float("inf"), False
+        if timing is None or timing.substep is None:
+            return predicted(own, timed), False
+        # Too long to run far: how much it stiffens is what others tell.
+        return own.cost(timing.substep, timing.frame or 0.0, growth_of(own, timed)), True
 
-    def timed(self, variant: Variant) -> float | None:
-        """Seconds of computing a simulated second, in the stretches that a cost is timed in; of the
-        scene itself else over its path, frame by frame.  None where it was not run.
+    def timed(self, variant: Variant) -> Timing | None:
+        """What was timed in a run of the variant; of the scene itself else over its path, frame by
+        frame.  None where it was not run.
         """
         found = self.known("timing", variant)
         if found is None and variant == self.variants[0]:
             found = self.known("path", variant)
-        return None if found is None else float(found["cost"])
+        return None if found is None else Timing(**{k: found[k] for k in TIMED_OF if k in found})
 
     def kind_of(self, variant: Variant) -> Kind | None:
         """What decides its cost."""
@@ -163,7 +170,7 @@ class Asking:
         return Kind(
             size["element"], size["model"], size["precision"], size["integrator"],
             size["elements"], step["substeps"] * size["frame_rate"], size["frame_rate"],
-            _threads(size),
+            _threads(size), size["poisson"],
         )  # fmt: skip
 
 

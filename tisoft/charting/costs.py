@@ -1,11 +1,12 @@
 """What a variant costs: timed, or predicted from one that was.
 
-    cost = s g t + r (k t₁ + b),   t₁ = n e + a,   t = min(t₁, n e/p + w)
+    cost = s g t + r b,   t₁ = n e + a,   t = min(t₁, n e/p + w),   b = k t₁ + c
 
 in seconds of computing a simulated second, of n elements in whole batches; s substeps at rest and r
-frames a second; g is how many more substeps a body takes that swings, or is looked at now and then;
-e is what an element takes in a substep, and k how many substeps of one thread a frame is worth; p
-is how much faster several threads are, which wait w for one another.
+frames a second; e is what an element takes in a substep; p is how much faster several threads are,
+which wait w for one another; b what a frame takes besides its substeps.  g is how many more
+substeps bodies take that stiffen as they deform: what a timed variant shows holds for others of the
+scene, in proportion to how much their elements do.
 Ratios between elements and laws are in the tables below, measured on bars of 3 to 12,800 cells of
 each element, law and precision.
 """
@@ -15,6 +16,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from tisoft.charting.estimate import COMPRESSIBLE
 from tisoft.model.layout import LANES
 
 TET = 2.0e-8
@@ -31,20 +33,25 @@ NEO_HEX = 6.9
 DOUBLE, DOUBLE_SPRINGS = 1.7, 1.2
 """f64 against f32."""
 SMALL_STRAINS = ("linear", "mass-tensor")
-LOOKED_AT, SWINGING = 1.05, 1.15
-"""g of these, and of all others."""
-EACH_SUBSTEP, EACH_FRAME = 8e-8, 4e-6
-"""a and b: seconds that a substep and a frame take however few elements there are."""
-SUBSTEPS_A_FRAME = 0.6
-"""k"""
+GROWTH = 0.1
+"""g − 1 of linear tets where nothing is timed."""
+STIFFENS = {"tet10": (3.0, 7.0)}
+"""g − 1 against that of linear tets, of compressible and of nearly incompressible bodies, measured
+where they bend, twist and swing."""
+EACH_SUBSTEP, EACH_FRAME = 8e-8, 2.8e-5
+"""a and c: seconds that a substep and a frame take however few elements there are."""
+SUBSTEPS_A_FRAME = 3.0
+"""k of bodies that stiffen, whose limits are looked at; 0 of others."""
 FASTER, WAITING = 0.75, 3e-6
 """What each further thread adds to p, and w [s]."""
 
 SAME = 0.1
 """1/w of a timed variant of another size alone; one that differs in one word has 1/w = 1.1."""
-TABLES = 0.3
-"""w of the tables as they are: how fast this machine is, and what else a scene has, they do not
-know."""
+LEAST_FRAME = 0.5
+"""The least that frames are supposed to take, against c: what is timed of them is a difference."""
+TABLES, OF_SCENES = 0.3, 0.01
+"""w of the tables as they are: how fast this machine is they do not know, and even less what else a
+scene has: what its frames take, and how far its bodies stiffen."""
 
 
 @dataclass(frozen=True)
@@ -60,14 +67,36 @@ class Kind:
     """A simulated second."""
     frame_rate: float
     threads: int = 1
+    poisson: float = 0.0
 
     def supposed(self) -> float:
         """The cost by the tables alone."""
+        return self.cost(self.substep(), self.frame(), GROWTH)
+
+    def cost(self, substep: float, frame: float, growth: float) -> float:
+        """The cost where a substep and a frame take so many seconds.
+
+        Args:
+            substep, frame: [s].
+            growth: g − 1 of linear tets of the same scene.
+        """
+        more = 1.0 + growth * self.stiffens()
+        return self.substeps * more * substep + self.frame_rate * frame
+
+    def stiffens(self) -> float:
+        """By how much limits follow what bodies do, against linear tets."""
         small = set(self.model.split("+")) <= set(SMALL_STRAINS)
-        alone = self._work() + EACH_SUBSTEP
-        frame = SUBSTEPS_A_FRAME * alone + EACH_FRAME
-        grows = LOOKED_AT if small else SWINGING
-        return self.substeps * grows * self.substep() + self.frame_rate * frame
+        words = [word for word in self.element.split("+") if word != "spring"]
+        each = [STIFFENS.get(word, (1.0, 1.0))[self.poisson > COMPRESSIBLE] for word in words]
+        return 0.0 if small else max(each, default=0.0)
+
+    def frame(self) -> float:
+        """Seconds that a frame takes besides its substeps, by the tables alone."""
+        return EACH_FRAME + self.looks()
+
+    def looks(self) -> float:
+        """Seconds of it in which limits are looked at."""
+        return SUBSTEPS_A_FRAME * (self._work() + EACH_SUBSTEP) if self.stiffens() else 0.0
 
     def substep(self) -> float:
         """Seconds of a substep by the tables alone."""
@@ -99,15 +128,55 @@ class Kind:
         return 100.0 * sum(differs) + size
 
 
-def predicted(kind: Kind, timed: list[tuple[Kind, float]]) -> float:
+@dataclass(frozen=True)
+class Timing:
+    """What was timed of a variant."""
+
+    cost: float
+    """Seconds of computing a simulated second."""
+    substep: float | None = None
+    """[s]"""
+    frame: float | None = None
+    """What a frame takes besides [s]."""
+    growth: float | None = None
+    """g"""
+
+
+def predicted(kind: Kind, timed: list[tuple[Kind, Timing]]) -> float:
     """The cost of a kind: that of the tables, in the scale of those that were timed, the more alike
     the more it counts.
 
     Args:
         kind: what decides it.
-        timed: kinds that were timed, with their costs.
+        timed: kinds that were timed.
     """
     weights = [1.0 / (SAME + kind.unlike(other) / 100.0) for other, _ in timed]
-    slow = [math.log(cost / other.supposed()) for other, cost in timed]
-    whole = sum(w * s for w, s in zip(weights, slow, strict=True)) / (TABLES + sum(weights))
-    return kind.supposed() * math.exp(whole)
+    whole = [timing.cost / other.supposed() for other, timing in timed]
+    substeps = [
+        w if timing.substep is None else timing.substep / other.substep()
+        for w, (other, timing) in zip(whole, timed, strict=True)
+    ]
+    frames = [
+        w if timing.frame is None else max((timing.frame - other.looks()) / EACH_FRAME, LEAST_FRAME)
+        for w, (other, timing) in zip(whole, timed, strict=True)
+    ]
+    substep = kind.substep() * _scale(weights, substeps, TABLES)
+    frame = kind.looks() + EACH_FRAME * _scale(weights, frames, OF_SCENES)
+    return kind.cost(substep, frame, growth_of(kind, timed))
+
+
+def growth_of(kind: Kind, timed: list[tuple[Kind, Timing]]) -> float:
+    """g − 1 of linear tets, by those that were timed."""
+    sums, weights = OF_SCENES * GROWTH, OF_SCENES
+    for other, timing in timed:
+        if timing.growth is not None and other.stiffens() > 0.0:
+            weight = 1.0 / (SAME + kind.unlike(other) / 100.0)
+            sums += weight * max(timing.growth - 1.0, 0.0) / other.stiffens()
+            weights += weight
+    return sums / weights
+
+
+def _scale(weights: list[float], ratios: list[float], tables: float) -> float:
+    """The mean of ratios, beside which the tables count as much as `tables`."""
+    logs = (w * math.log(ratio) for w, ratio in zip(weights, ratios, strict=True))
+    return math.exp(sum(logs) / (tables + sum(weights)))

@@ -32,7 +32,7 @@ from tisoft.version import version
 
 Floats = NDArray[np.float64]
 
-FORM = b"7"
+FORM = b"8"
 """Changes where records hold other things than before."""
 MODES = 3
 """Elastic modes that are compared."""
@@ -146,6 +146,7 @@ def size_of(scene: Scene, places: list[Place]) -> dict[str, Any]:
         "precision": scene.precision,
         "integrator": scene.integrator,
         "frame_rate": scene.frame_rate,
+        "poisson": max((getattr(body.model, "poisson", 0.0) for body in scene.bodies), default=0.0),
     }
 
 

@@ -24,28 +24,35 @@ FIRST_FRAMES = 12
 
 
 def timing_of(scene: Scene, places: list[Place]) -> dict[str, Any]:
-    """Seconds of computing a simulated second, by a short real run; whole frames where they are
-    short, else substeps.
+    """What a simulated second costs, by a short real run of the scene's duration or, where that
+    takes long, of its beginning; of some substeps where single frames do.
     """
     from tisoft.simulation import Simulation
 
     explicit = scene.integrator == "explicit-euler"
     sim = Simulation(scene, certify=not explicit)
-    frame_time = 1.0 / scene.frame_rate
-    substeps, step = sim.substeps_of(frame_time)
+    substeps, step = sim.substeps_of(1.0 / scene.frame_rate)
     limit = sim.limit.sharp()
-    sim.substep(1, 0.0 if explicit else 1e-6 * step)  # compiles
-    count, each = min(substeps, 16), np.inf
+    short = 0.0 if explicit else 1e-6 * step  # bodies stay where they are
+    sim.substep(1, short)  # compiles
+    each = _substep(sim, short, min(substeps, 16))
+    found = {"step": step, "stable_step": float(limit)}
+    if each * substeps < LONGEST_FRAME and not explicit:
+        return found | _by_frames(sim, each * substeps, substeps)
+    each = _by_substeps(sim, each, min(substeps, 10_000), step)
+    cost = each * substeps * scene.frame_rate
+    return found | {"cost": cost, "substep": each, "frame": None, "growth": None}
+
+
+def _substep(sim: Any, step: float, count: int) -> float:
+    """Seconds of a bare substep of `step` [s]; `count` of them are tried first."""
+    each = np.inf
     for _ in range(4):  # the first ones tell how many make a launch not count
         begun = _stepping(sim)
         sim.stepper.advance(count, step, sim.gravity_now)
         each = min(each, max(_stepping(sim) - begun, 1e-9) / count)
         count = min(1000, max(1, int(LAUNCH / each)))
-    if each * substeps < LONGEST_FRAME and not explicit:
-        cost = _by_frames(sim, each * substeps)
-    else:
-        cost = _by_substeps(sim, each, min(substeps, 10_000), step)
-    return {"step": step, "stable_step": float(limit), "cost": cost}
+    return each
 
 
 def _stepping(sim: Any = None) -> float:
@@ -57,31 +64,76 @@ def _stepping(sim: Any = None) -> float:
 
 
 def _by_substeps(sim: Any, each: float, most: int, step: float) -> float:
-    """Of substeps that take about `each` seconds, `most` of them at a time at the most."""
+    """Seconds of a substep of those that take about `each`, `most` at a time at the most."""
     count = max(1, min(most, int(TIMED / WINDOWS / max(each, 1e-9))))
     speeds = []
     for _ in range(WINDOWS):
         begun = _stepping(sim)
         sim.stepper.advance(count, step, sim.gravity_now)
-        speeds.append((_stepping(sim) - begun) / (count * step))
+        speeds.append((_stepping(sim) - begun) / count)
     return min(speeds)
 
 
-def _by_frames(sim: Any, each: float) -> float:
-    """Of frames that take about `each` seconds, some at a time as a run makes them."""
-    rate = float(sim.scene.frame_rate)
-    is_long = each > LONG_FRAME
-    sim.run((1 if is_long else FIRST_FRAMES) / rate)
-    frames = min(max(1, int(TIMED / WINDOWS / max(each, 1e-9))), 600)
-    speeds = []
-    for _ in range(2 if is_long else WINDOWS):
-        begun = _stepping(sim)
-        made = sim.frame
-        while sim.frame < made + frames:
-            if not sim.make_frames(made + frames - sim.frame):
-                sim.step()
-        speeds.append((_stepping(sim) - begun) * rate / frames)
-    return min(speeds)
+def _by_frames(sim: Any, each: float, at_rest: int) -> dict[str, Any]:
+    """The cost of runs of the scene's duration until time is up, and what it is made of (`costs`).
+
+    Args:
+        sim: of the scene, at its start.
+        each: seconds that a frame takes, about.
+        at_rest: substeps of a frame at rest.
+    """
+    from tisoft.simulation import Simulation
+
+    scene = sim.scene
+    speeds, spent, bare, growth = [], 0.0, 0.0, 0.0
+    is_part = False
+    for _ in range(WINDOWS):
+        windows = _windows(sim, TIMED - spent, each)
+        if not bare:
+            growth = sim.substeps / (sim.frame * at_rest)
+            is_part = sim.frame < min(FIRST_FRAMES, _frames(scene))
+            sim.stepper.fixed = sim.stepper.pace.most  # as fast as can be
+            bare = _substep(sim, 0.5 * sim.steps[-1], 16)
+            sim.stepper.fixed = None
+        speeds += [seconds / substeps for seconds, substeps in windows]
+        spent += sum(seconds for seconds, _ in windows)
+        if spent > (1.0 - 1.0 / WINDOWS) * TIMED:
+            break
+        sim = None  # its place in memory is the next one's
+        sim = Simulation(scene)
+    whole = min(speeds)
+    bare = min(bare, whole)
+    return {
+        "cost": whole * growth * at_rest * scene.frame_rate, "substep": bare,
+        "frame": (whole - bare) * growth * at_rest, "growth": None if is_part else growth,
+    }  # fmt: skip
+
+
+def _frames(scene: Scene) -> int:
+    return max(2, round(scene.duration * scene.frame_rate))
+
+
+def _windows(sim: Any, most: float, each: float) -> list[tuple[float, int]]:
+    """Seconds and substeps of stretches of a run to the end of the scene's duration, which is given
+    up after `most` seconds; `each`: that a frame takes, about.
+    """
+    last = _frames(sim.scene)
+    first = min(FIRST_FRAMES if each < LONG_FRAME else 1, last // 2)
+    while sim.frame < first:
+        sim.step()
+    windows: list[tuple[float, int]] = []
+    spent = 0.0
+    begun, before = _stepping(sim), sim.substeps
+    while sim.frame < last and (spent < most or not windows):
+        if not sim.make_frames(last - sim.frame):
+            sim.step()
+        seconds = _stepping(sim) - begun
+        if seconds > TIMED / WINDOWS or sim.frame == last:
+            windows.append((seconds, sim.substeps - before))
+            spent += seconds
+            begun, before = _stepping(sim), sim.substeps
+    long = [window for window in windows if window[0] > 0.5 * TIMED / WINDOWS]
+    return long or windows
 
 
 def path_of(scene: Scene, places: list[Place]) -> dict[str, Any]:
