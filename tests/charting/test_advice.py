@@ -188,6 +188,24 @@ def test_patience_learns_how_slow_the_machine_is():
     assert patience.needs("static", kind, size) == pytest.approx(4.0 * before, rel=0.01)
 
 
+def test_a_sheet_that_falls_and_touches_itself_is_told_to_be_charted_before_anything_runs(tmp_path):
+    path = tmp_path / "sheet.toml"
+    path.write_text("""
+    [[body]]
+    model = "mass-spring"
+    young = 1e5
+    density = 300
+    thickness = 0.002
+    [body.mesh]
+    cloth = { size = [1, 1], cells = [4, 4] }
+    """)
+    survey = advice.survey_for(path, 0.02)
+    advice.measure(survey, 0.02)
+    found = advice.advice_of(survey, 0.02)
+    assert not found.certain and found.choice.current and advice.NO_RUNS in found.warnings
+    assert not any({"timing", "path"} & record.keys() for record in survey.kept.values())
+
+
 def test_what_contact_may_decide_is_not_certain(scene):
     path = scene.parent / "on_the_floor.toml"
     path.write_text(BAR + "[[obstacle]]\nplane = { point = [0, 0, -1], normal = [0, 0, 1] }\n")

@@ -258,7 +258,8 @@ def modes_of(
             elastic = found[found > 0.0]
             if len(elastic) >= MODES or len(found) < MODES + rigid:
                 break
-        if len(elastic) >= MODES:
+        is_slack = nets and len(found) - len(elastic) > 6 * len(scene.bodies)
+        if len(elastic) >= MODES and not is_slack:
             break
     return {"frequencies": elastic[:MODES].tolist(), "about": word}
 

@@ -304,6 +304,8 @@ class Survey:
 
     def _run_alone(self, candidates: Sequence[Variant]) -> None:
         """Where nothing at rest tells of errors: the scene, its finest variants, the cheapest."""
+        if self.patient and self.asking.touching:
+            return  # the kernels of contact of surfaces alone compile longer than advice may take
         self.asking.patience.warm = self.patient
         now, variants = self.catalogue.current, self.asking.variants
         variants += [v for v in candidates if self.asking.ask("step", v) is not None]
