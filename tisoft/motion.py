@@ -41,7 +41,8 @@ CENTERED = 128
 """Substeps after which a body that may be pushed or hit is centred at the latest: it may be faster.
 """
 LOOK, LOOK_WORK = 64, 30_000
-"""Substeps, or tet-substeps in small scenes, after which it is even within a frame."""
+"""Substeps, or tet-substeps in small scenes, that a stretch within a long frame has at the least; it
+ends where the next look is due."""
 MOST_SUBSTEPS = 1e9
 """Substeps that a frame may have: hours of stepping, before which no frame would be seen."""
 
@@ -193,12 +194,16 @@ class Motion(Changing):
     def _go_to(self, end: float, long: float) -> None:
         """Advance to `end` [s], within a frame: for so long [s], but for rounding."""
         count, h = self.substeps_of(long)
-        while count > self.look:
-            self._stretch(self.time + self.look * h, self.look, h)
-            count -= self.look
+        while count > (piece := self._piece()):
+            self._stretch(self.time + piece * h, piece, h)
+            count -= piece
             if self.scene.step == "auto" and self.limit.chosen(self.substeps) < h:
                 count, h = self.substeps_of(end - self.time)
         self._stretch(end, count, h)
+
+    def _piece(self) -> int:
+        """Substeps that a stretch may have: as many as nobody looks at the limit in."""
+        return self.look if self._is_changing() else max(self.look, self.next_look - self.since_look)
 
     def _stretch(self, end: float, count: int, step: float) -> None:
         """Advance to `end` [s] in `count` substeps of `step` [s]."""
@@ -252,9 +257,10 @@ class Motion(Changing):
         if most < 2 or not self._is_steady():
             return []
         count, h = self.substeps_of(frame_time)
-        due = math.ceil((self.next_look - self.since_look) / count)
+        left = self.next_look - self.since_look
+        due = math.ceil(left / count) if count <= self.look else left // count
         most = min(most, due, columns.FRAMES, self._frames_until_release())
-        if most < 2 or count > self.look or not self.steps or self.steps[-1] != h:
+        if most < 2 or not self.steps or self.steps[-1] != h:
             return []
         self.stepper.tells = True
         begun = _stepping_clock()
