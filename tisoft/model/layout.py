@@ -15,7 +15,10 @@ from numpy.typing import NDArray
 Ints = NDArray[np.int32]
 
 LANES = 8
-"""Cells of a batch on the CPU: LLVM fills its vectors, and 16 gain nothing."""
+"""Cells of a batch on the CPU: LLVM fills its vectors, and 16 gain nothing.  Taichi 1.7 takes the
+processor's name from LLVM 15: one newer than that (AMD's Zen 5) it knows nothing of, and vectors
+then hold 4 numbers; 8 lanes are best there, too.
+"""
 BATCHES_A_PART = 64
 MOST_PARTS = 64
 """Parts of a body at the most; each thread has several, and a node seldom more than two copies."""
