@@ -41,8 +41,8 @@ CENTERED = 128
 """Substeps after which a body that may be pushed or hit is centred at the latest: it may be faster.
 """
 LOOK, LOOK_WORK = 64, 30_000
-"""Substeps, or tet-substeps in small scenes, that a stretch within a long frame has at the least; it
-ends where the next look is due."""
+"""Substeps, or tet-substeps in small scenes, that a stretch within a long frame has at the least;
+it ends where the next look is due."""
 MOST_SUBSTEPS = 1e9
 """Substeps that a frame may have: hours of stepping, before which no frame would be seen."""
 
@@ -203,7 +203,8 @@ class Motion(Changing):
 
     def _piece(self) -> int:
         """Substeps that a stretch may have: as many as nobody looks at the limit in."""
-        return self.look if self._is_changing() else max(self.look, self.next_look - self.since_look)
+        calm = 0 if self._is_changing() else self.next_look - self.since_look
+        return max(self.look, calm)
 
     def _stretch(self, end: float, count: int, step: float) -> None:
         """Advance to `end` [s] in `count` substeps of `step` [s]."""

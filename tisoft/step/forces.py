@@ -88,7 +88,10 @@ def batch(block: ti.template(), state: ti.template(), apart: ti.template(), b):
             block.element.forces(block.law, rest, u, v, m, q, lane, out)
     finish(block, rest, out)
     if ti.static(apart):
-        scatter_both(block, state, b, out)
+        if block.is_viscous[block.owner[b]]:
+            scatter_both(block, state, b, out)
+        else:
+            scatter(block, state.force, b, out, 0)
     else:
         scatter(block, state.force, b, out, 0)
 
