@@ -1,6 +1,9 @@
 """Films: one run each, framed by all of it; cameras that turn and follow; saved runs."""
 
+import errno
 import json
+import os
+import tempfile
 
 import numpy as np
 import pytest
@@ -11,6 +14,7 @@ from tisoft.cli import main
 from tisoft.observers import track as tracks
 from tisoft.observers.film import is_framed
 from tisoft.observers.framing import Survey, View, round_up
+from tisoft.observers.saved import SavedRun
 from tisoft.observers.scenery import actors_of, followed_by
 from tisoft.observers.track import Snapshot, Track
 from tisoft.simulation import Simulation
@@ -78,6 +82,20 @@ def test_a_track_gives_back_what_it_was_given(most, monkeypatch):
             assert other.time == one.time
             assert other.positions == pytest.approx(one.positions, abs=1e-6)
             assert other.values == pytest.approx(one.values, abs=1e-6)
+
+
+def test_a_short_film_needs_no_room_on_the_disk_and_a_long_one_says_what_is_missing(monkeypatch):
+    def full():
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(tempfile, "TemporaryFile", full)
+    track = Track("body")
+    for k in range(10):
+        track.keep(Snapshot(k / 10, np.zeros((50_000, 3))))  # 6 MB in all
+    assert len(list(track)) == 10
+    monkeypatch.setattr(tracks, "IN_MEMORY", 6_000_000)
+    with pytest.raises(ts.SceneError, match=r": No space left on device; make room there"):
+        track.keep(Snapshot(1.0, np.zeros((50_000, 3))))
 
 
 def test_all_motion_is_in_the_picture_and_fills_it(fall):
@@ -154,6 +172,15 @@ def test_a_saved_run_needs_no_scene(fall, tmp_path, capsys):
     small = ["--size", "64x48", "--json"]
     assert main(["render", saved, "-o", str(tmp_path / "film.mp4"), *small]) == 0
     assert json.loads(capsys.readouterr().out)["pictures"] == 3
+    assert SavedRun(out / "frames.pvd", "body").rate() == pytest.approx(10.0)
+
+
+def test_a_saved_run_of_one_frame_is_a_film_of_one_picture(fall, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["run", str(fall), "-o", str(out), "--save-every", "9", "--quiet"]) == 0
+    saved = ["render", str(out / "frames.pvd"), "--size", "64x48", "--json"]
+    assert main([*saved, "-o", str(tmp_path / "film.gif")]) == 0
+    assert json.loads(capsys.readouterr().out)["pictures"] == 1
 
 
 @pytest.mark.parametrize(

@@ -113,6 +113,14 @@ def test_view_holds_the_motion_and_small_obstacles_but_not_large_ones():
     assert (np.abs(ray @ right) < tan * 16 / 9 * (ray @ forward)).all()
 
 
+@pytest.mark.parametrize("radius", [1.45, 1.55])
+def test_obstacles_of_up_to_three_times_the_motion_are_shown_whole(radius):
+    scene = block()
+    scene.add_obstacle(ts.Sphere((0, -10, 0), radius))
+    lo, _ = room_of(scene, Survey(np.zeros(3), np.ones(3)))
+    assert lo[1] == pytest.approx(-10.0 - radius if radius < 1.5 else 0.0)
+
+
 def test_up_is_against_gravity_and_the_ground_is_the_most_level_plane():
     scene = block(gravity=(0.0, 0.0, -9.81))
     assert up_of(scene).tolist() == [0, 0, 1]

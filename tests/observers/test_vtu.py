@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 import tisoft as ts
+from tisoft.observers.quantities import node_values
+from tisoft.observers.saved import SavedRun
 from tisoft.observers.vtu import StateFiles
 from tisoft.simulation import Simulation
 
@@ -55,6 +57,19 @@ def test_tets_and_springs_share_a_file(tmp_path):
     assert np.isnan(strain[1]).all()
     assert tension[1] == pytest.approx(sim.measures.elements(cloth).tension, rel=1e-6, abs=1e-9)
     assert [set(block) for block in read.cell_data["body"]] == [{0}, {1}]
+
+
+def test_colours_of_a_saved_state_are_those_of_the_simulation(tmp_path):
+    """Far from rest: tets of one node weigh as they do at rest; springs show their elongation."""
+    sim, _ = _sim(springs=True)
+    rest = np.concatenate([body.mesh.points for body in sim.scene.bodies])
+    bent = rest[:, :1] * rest @ [[0.3, 0, 0.3], [0, 2.0, 0], [0.3, 0, 1.0]]  # not where it is held
+    sim.set_state(rest + bent, np.zeros_like(rest))
+    StateFiles(sim).write(tmp_path / "state.vtu")
+    listed = '<V><DataSet timestep="0" file="state.vtu"/></V>'
+    (tmp_path / "frames.pvd").write_text(listed, encoding="utf-8")
+    (shown,) = SavedRun(tmp_path / "frames.pvd", "strain")
+    assert shown.values == pytest.approx(node_values(sim, "strain"), rel=1e-5)
 
 
 def test_a_folder_that_is_missing_is_named(tmp_path):

@@ -18,6 +18,7 @@ from tisoft.geometry.cage.carried import shares
 from tisoft.geometry.cage.lattice import Lattice
 from tisoft.geometry.cage.moments import POINTS, WEIGHTS
 from tisoft.model.part import parts_of
+from tisoft.step.patches import inverses, patch_of
 
 TORSIONAL, SPHEROIDAL = 12.343553, 13.059571
 """Lowest two frequencies of a ball of .2 m, E = 1e5, ν = .3, ρ = 1000 [Hz], five of each."""
@@ -209,6 +210,20 @@ def test_a_beam_is_clamped_where_no_nodes_lie(edge, degrees, compliance, first):
     assert found.reactions.sum(axis=0) @ R == pytest.approx([0, 0, 1], abs=1e-9)
     (frequency,) = natural_modes(scene, 1).frequencies
     assert 100 * (frequency / FIRST - 1) == pytest.approx(first, abs=0.2)
+
+
+def test_two_pins_of_the_same_place_share_what_one_does():
+    """The same means twice: each gets half of the impulse, by half of the error."""
+    scene, mesh, _, end = clamped(0.1, 30)
+    body = scene.add_body(mesh, ts.Linear(1e6, 0.3, 1000.0))
+    (part,) = parts_of(scene.bodies)
+    lightness = np.repeat(1.0 / part.mass[:, None], 3, axis=1)
+    patch, other = (patch_of(part, body.pin(end, axes=axes))[1] for axes in ("xyz", "xy"))
+    one, two = inverses([patch], lightness), inverses([patch, other], lightness)
+    assert two[..., 0] == pytest.approx(np.tile(one[..., 0] / 4, (2, 2)), abs=1e-6 * one.max())
+    count = len(one)
+    assert two[:count, :count, 2] == pytest.approx(one[..., 2], rel=1e-12)
+    assert not two[count:, :, 2].any() and not two[:, count:, 2].any()
 
 
 def test_held_means_are_where_they_belong_at_the_end_of_every_frame(tmp_path):
