@@ -1,5 +1,7 @@
 """Loads and moved pins against closed forms and independent sums over faces."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ import tisoft as ts
 from tisoft.loads import Load
 from tisoft.simulation import Simulation
 from tisoft.step.loading import external_forces, pressure_tangent
-from tisoft.step.schedule import factor_integral
+from tisoft.step.schedule import factor_integral, factor_signal, gravity_signal, windows
 
 END = ts.where.box((1 - 1e-6, -9, -9), (9, 9, 9))
 ROOT = ts.where.box((-9, -9, -9), (1e-6, 9, 9))
@@ -128,6 +130,21 @@ def test_windows_take_the_mean_of_a_profile(times):
     means = 50 * np.diff(factor_integral(load, np.arange(11) / 50))
     fine = [load.factor((k + 0.5) * 1e-5) for k in range(20000)]
     assert means == pytest.approx(np.reshape(fine, (10, -1)).mean(axis=1), abs=2e-3)
+
+
+@pytest.mark.parametrize("what", ["load", "gravity"])
+def test_a_kick_longer_than_its_window_takes_what_acts_at_its_start_for_the_rest(what):
+    """What grows as t, in passes of 0.1 s from 0.2 s on, the first of them a kick of 0.125 s."""
+    if what == "load":
+        signal = factor_signal(Load(END, force=(1, 0, 0), ramp=1.0))
+    else:
+        signal = gravity_signal([(0.0, 0.0, 0.0, 0.0), (1.0, 1.0, 0.0, -2.0)], lambda: np.zeros(3))
+    plain = windows(0.2, 0.1, np.arange(3), 3, centred=False, ends=False)
+    assert signal(plain)[0] == pytest.approx([0.25, 0.35, 0.45])
+    values = signal(replace(plain, first_share=0.8))
+    assert values[0] == pytest.approx([0.8 * 0.25 + 0.2 * 0.2, 0.35, 0.45])
+    if what == "gravity":
+        assert values[1:] == pytest.approx(np.outer([0.0, -2.0], values[0]))
 
 
 def test_an_impulse_gives_its_momentum_however_coarse_the_frames():
