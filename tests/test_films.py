@@ -145,6 +145,22 @@ def test_only_a_film_that_depends_on_the_whole_waits_for_it(fall):
     assert not is_framed(ts.load_scene(fall, [*given, 'render.color="stress"']))
 
 
+@pytest.mark.parametrize("height, told", [(240, True), (190, False)])
+def test_the_width_of_a_tile_is_told_where_it_is_asked_for_and_has_room(
+    fall, tmp_path, height, told
+):
+    look = ["--set", f"render.size=[320, {height}]", "--set", "render.samples=1"]
+    shots = []
+    for scale in ("false", "true"):
+        out = tmp_path / f"{scale}.png"
+        asked = ["--set", f"render.scale={scale}", "--set", "duration=0.01", "--quiet"]
+        assert main(["render", str(fall), "-o", str(out), *look, *asked]) == 0
+        shots.append(np.asarray(Image.open(out)).astype(int))
+    rows, columns = np.nonzero(np.abs(shots[0] - shots[1]).max(axis=2) > 60)
+    assert (len(rows) > 50) == told
+    assert (rows > height - 40).all() and (columns < 240).all()
+
+
 @pytest.mark.parametrize(
     "value, above", [(0.0, 0.0), (1.0, 1.0), (1.01, 1.5), (0.0213, 0.025), (8.4e7, 1e8)]
 )

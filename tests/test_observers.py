@@ -1,5 +1,7 @@
 """Quantities that colours show, what is drawn for a body, the view, and checks' reasons."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,11 +9,13 @@ import tisoft as ts
 from tisoft.check.limiting import damping_cost, limiting_element, metres
 from tisoft.check.warnings import compression, elements_through, warnings_of
 from tisoft.depth import depth_inside
+from tisoft.geometry.groups import Region
 from tisoft.observers.film import Film
 from tisoft.observers.framing import Survey, camera_of, ground_of, room_of, up_of
 from tisoft.observers.quantities import node_values, virial_stress
-from tisoft.observers.scenery import body_items
+from tisoft.observers.scenery import actors_of, body_items
 from tisoft.observers.track import Track
+from tisoft.render.colormap import PALETTE
 from tisoft.render.items import Capsules, Spheres, Surface
 
 YOUNG, POISSON = 1e5, 0.3
@@ -95,6 +99,21 @@ def test_springs_are_drawn_as_springs_and_cloth_as_cloth():
         "grid": [Capsules, Spheres],
         "tets": [Capsules, Spheres],
     }
+
+
+def test_every_region_has_a_colour_of_its_own_and_a_cell_of_two_shows_the_first():
+    mesh = ts.box((3, 1, 1), (3, 1, 1))
+    third = mesh.points[mesh.tets].mean(axis=1)[:, 0].astype(int)
+    regions = (Region("middle", 1, np.flatnonzero(third == 1)),)
+    regions += (Region("far", 2, np.flatnonzero(third >= 1)),)
+    scene = ts.Scene(render=ts.Render(color="region"))
+    for _ in range(2):
+        scene.add_body(replace(mesh, regions=regions), ts.Linear(1e5, 0.3, 1000.0))
+    for actor, number in zip(actors_of(scene), (0, 3), strict=True):
+        assert [item.color for item in actor.items] == list(PALETTE[number : number + 3])
+        for k, item in enumerate(actor.items):
+            middle = item.positions[item.triangles].mean(axis=1)[:, 0]
+            assert (middle.min() >= k) and (middle.max() <= k + 1)
 
 
 def test_view_holds_the_motion_and_small_obstacles_but_not_large_ones():

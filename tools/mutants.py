@@ -87,7 +87,7 @@ TESTS = {
     "observers/progress.py": ["lost/test_folders.py", "lost/test_stops.py",
                               "test_nothing_lost.py", "test_cli.py"],
     "observers/quantities.py": ["test_observers.py", "behaviour/test_drawn_scenes.py"],
-    "observers/region_colors.py": ["behaviour/test_drawn_scenes.py"],
+    "observers/region_colors.py": ["test_observers.py"],
     "observers/saved.py": ["test_films.py", "observers/test_vtu.py"],
     "observers/scenery.py": ["test_films.py", "behaviour/test_drawn_scenes.py",
                              "test_observers.py"],

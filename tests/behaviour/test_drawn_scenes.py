@@ -1,17 +1,13 @@
 """What a picture of a scene shows, and how large: obstacles, springs, up; values behind colours."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from PIL import Image
 
 import tisoft as ts
 from tisoft.cli import main
-from tisoft.geometry.groups import Region
 from tisoft.observers.quantities import node_values
-from tisoft.observers.scenery import actors_of, body_items
-from tisoft.render.colormap import PALETTE
+from tisoft.observers.scenery import body_items
 from tisoft.render.items import Capsules, Surface
 
 SIZE = 240
@@ -173,21 +169,6 @@ def test_a_closed_surface_of_springs_is_drawn_as_springs():
         assert type(body_items(body, 0, points, 0, wireframe=False)[0]) is drawn
 
 
-def test_every_region_has_a_colour_of_its_own_and_a_cell_of_two_shows_the_first():
-    mesh = ts.box((3, 1, 1), (3, 1, 1))
-    third = mesh.points[mesh.tets].mean(axis=1)[:, 0].astype(int)
-    regions = (Region("middle", 1, np.flatnonzero(third == 1)),)
-    regions += (Region("far", 2, np.flatnonzero(third >= 1)),)
-    scene = ts.Scene(render=ts.Render(color="region"))
-    for _ in range(2):
-        scene.add_body(replace(mesh, regions=regions), ts.Linear(1e5, 0.3, 1000.0))
-    for actor, number in zip(actors_of(scene), (0, 3), strict=True):
-        assert [item.color for item in actor.items] == list(PALETTE[number : number + 3])
-        for k, item in enumerate(actor.items):
-            middle = item.positions[item.triangles].mean(axis=1)[:, 0]
-            assert (middle.min() >= k) and (middle.max() <= k + 1)
-
-
 FRAMED = """
 duration = 0.001
 frame_rate = 20
@@ -228,19 +209,6 @@ def test_a_small_obstacle_is_in_the_picture_whatever_stands_before_it(tmp_path, 
     drawn = np.abs(alone - bare).max(axis=2) > 40
     assert drawn.sum() > 1000
     assert not drawn[:, -4:].any() and not drawn[:4].any() and not drawn[-4:].any()
-
-
-def test_the_length_of_a_tile_is_told_where_it_is_asked_for_and_has_room(tmp_path):
-    def with_scale(name):
-        path = tmp_path / name
-        path.write_text(path.read_text(encoding="utf-8") + "scale = true\n", encoding="utf-8")
-        return rendered(path)
-
-    plain, corner = picture(tmp_path), np.s_[-30:, :200]
-    assert np.abs(plain[corner] - plain[-30:, :1]).max() < 20  # nothing but backdrop
-    changed = np.abs(with_scale("scene.toml") - plain).max(axis=2) > 60
-    assert changed[corner].sum() > 50 and changed.sum() == changed[corner].sum()
-    assert (framed(tmp_path, "") == with_scale("framed.toml")).all()
 
 
 def test_a_camera_with_a_target_alone_looks_from_above(tmp_path):
