@@ -96,6 +96,23 @@ def test_forces_act_by_weight_and_sum_to_the_hand():
     assert total[0] > 0.1
 
 
+def test_a_hand_is_damped_by_half_a_step_of_its_stiffness():
+    """On a mass alone, let go at rest: F₁ = k d, and F₂ = F₁ − k h v − c v with v = h F₁/m."""
+    step, mass, away = 1.0 / 200.0, 0.5, 1e-8
+    scene = ts.Scene(precision="f64", frame_rate=200.0, gravity=(0, 0, 0), step=step)
+    net = ts.net([[0, 0, 0], [1, 0, 0]], [[0, 1]])
+    body = scene.add_body(net, ts.MassSpring(stiffness=0.01, node_mass=mass))
+    sim = ts.Simulation(scene, threads=1)
+    grab = sim.grab(body, [0], [1.0], [away, 0, 0])
+    forces = []
+    for _ in range(2):
+        sim.step()
+        forces.append(grab.force[0])
+    share = forces[0] * step**2 / (mass * away)  # h² k/m
+    assert 0.1 < share < 1.0
+    assert forces[1] / forces[0] == pytest.approx(1.0 - share - 0.5 * share, rel=1e-3)
+
+
 def test_what_cannot_be_grabbed_is_told():
     scene, body = beam()
     sim = ts.Simulation(scene, threads=1)

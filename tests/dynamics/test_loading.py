@@ -161,7 +161,7 @@ TIMES = np.arange(0, 0.2001, 1 / 800)
 WAVE = np.sin(RATE * TIMES)
 
 
-def _shaken(what, rate, *, start="half-step", integrator="symplectic-euler"):
+def _shaken(what, rate, *, start="half-step", integrator="symplectic-euler", weight=0.0):
     """A mass of 1 kg on a spring (41 Hz) that swings up and down: its y at .2 s, and frames."""
     scene = ts.Scene(gravity=(0, 0, 0), frame_rate=rate, step=2e-4, precision="f64", start=start)
     scene.integrator = integrator
@@ -170,6 +170,8 @@ def _shaken(what, rate, *, start="half-step", integrator="symplectic-euler"):
     body = scene.add_body(mesh, ts.MassSpring(springs=springs, node_mass=[1.0, 1.0]))
     foot = {"path": [(t, 0, 0.005 * w, 0) for t, w in zip(TIMES, WAVE, strict=True)]}
     body.pin(ts.where.nodes([0]), **(foot if what == "foot" else {}))
+    if weight:
+        body.load(ts.where.nodes([1]), force=(0, weight, 0))
     if what == "force":
         table = list(zip(TIMES, WAVE, strict=True))
         body.load(ts.where.nodes([1]), force=(0, 100, 0), table=table)
@@ -203,6 +205,13 @@ def test_what_acts_in_time_does_not_depend_on_the_frames(what):
     if what == "force":
         verlet = [_shaken(what, r, start="plain", integrator="velocity-verlet") for r in (10, 250)]
         assert verlet == pytest.approx([right] * 2, abs=0.005 * size)
+
+
+def test_a_force_that_stays_acts_beside_a_pin_that_moves():
+    """By superposition: it adds F/k (1 − cos ω₀t)."""
+    stiff = (2 * np.pi * 41) ** 2
+    more = _shaken("foot", 60, weight=50.0) - _shaken("foot", 60)
+    assert more == pytest.approx(50.0 / stiff * (1 - np.cos(np.sqrt(stiff) * 0.2)), rel=0.01)
 
 
 def test_a_pulse_within_a_substep_gives_its_impulse():

@@ -372,6 +372,19 @@ def test_an_obstacle_under_a_face_lifts_it_and_the_ledger_knows(motion):
     assert abs(told["error"]) < 0.003 * told["external_work"]
 
 
+def test_a_body_that_a_pin_lifts_lifts_what_lies_on_it_and_the_ledger_knows():
+    """A post as above, of a body: its pin's work is what the slab got."""
+    scene, slab = on(ts.Box(center=(9, 0, 0), size=(1, 1, 1), velocity=(0.1, 0, 0)))
+    post = ts.box(size=(0.1, 0.5, 0.1), cells=(1, 4, 1)).transformed(translate=(0.06, 0, 0.05))
+    scene.add_body(post, slab.model).pin(ts.where.everything(), velocity=(0, 0.5, 0))
+    sim = simulation(scene, threads=1)
+    start = sim.energy()["gravity"]
+    sim.run(0.4)
+    told = sim.energy()
+    assert told["gravity"] - start > 32.0 * 9.81 * 0.17 + 5.0 * 9.81 * 0.2
+    assert abs(told["error"]) < 0.01 * told["external_work"]
+
+
 def test_a_slab_in_a_gap_that_closes_is_squeezed():
     """Between two walls that come to three quarters of its height and stay."""
     scene, _ = on(ts.Box(center=(0.1, 0.42, 0.1), size=(1, 0.2, 1)))
