@@ -251,6 +251,25 @@ def test_held_means_are_where_they_belong_at_the_end_of_every_frame(tmp_path):
         sim.set_state(x, np.zeros_like(x))
 
 
+def test_held_means_turn_with_their_pin():
+    """By 0.2 rad about the beam's edge: where they are, ω × r how fast."""
+    scene, mesh, R, end = clamped(0.1, 30)
+    scene.step = 1e-4
+    axis = R @ [1.0, 0, 0]
+    body = scene.add_body(mesh, ts.Linear(1e6, 0.3, 1000.0))
+    body.pin(end, turn=ts.Turn((0, 0, 0), axis, 2.0))
+    sim = ts.Simulation(scene, ledger=True, threads=1)
+    sim.run(0.1)
+    (patch,) = sim.holder.patches.held
+    rest = patch.places
+    now = rest + patch.means(sim.system.u)
+    turned = np.cross(axis, rest) * np.sin(0.2) + (rest - axis * (rest @ axis)[:, None]) * np.cos(
+        0.2
+    )
+    assert now == pytest.approx(turned + axis * (rest @ axis)[:, None], abs=1e-14)
+    assert patch.means(sim.system.v) == pytest.approx(2.0 * np.cross(axis, now), abs=1e-4)
+
+
 def test_pins_and_loads_see_the_surface():
     """On a lattice plane its nodes are held, elsewhere the means of cells, or for a point nodes."""
     scene = ts.Scene()
