@@ -3,7 +3,7 @@
 import numpy as np
 
 import tisoft as ts
-from tisoft.step.pace import LONGEST_WAIT, RENEWED, Pace
+from tisoft.step.pace import LONGEST_WAIT, RENEWED, Pace, most_threads
 
 
 def shares(cost, launches=2000):
@@ -15,6 +15,15 @@ def shares(cost, launches=2000):
         pace.took(threads, cost(threads, number))
         taken.append(threads)
     return np.array(taken)
+
+
+def test_threads_are_no_more_than_there_are_nor_than_parts_and_one_for_little_work():
+    assert [most_threads(10**6, parts, 8) for parts in (1, 3, 99)] == [1, 3, 8]
+    assert [most_threads(work, 99, 8) for work in (0, 1)] == [1, 1]
+    assert all(
+        1 <= most_threads(work, 99, 8) <= most_threads(2 * work, 99, 8) <= 8
+        for work in range(0, 20_000, 50)
+    )
 
 
 def test_idle_cores_are_used_and_alone_is_looked_at_again_now_and_then():
