@@ -1,6 +1,6 @@
 """What a variant costs: timed, or predicted from one that was.
 
-    cost = s g t + r b,   t₁ = n e + a,   t = min(t₁, n e/p + w),   b = k t₁ + c
+    cost = s g t + r b,   t₁ = n e + a,   t = min(t₁, n e/p + w),   b = k t₁ + d + c
 
 in seconds of computing a simulated second, of n elements in whole batches; s substeps at rest and r
 frames a second; e is what an element takes in a substep; p is how much faster several threads are,
@@ -33,15 +33,15 @@ NEO_HEX = 6.9
 DOUBLE, DOUBLE_SPRINGS = 1.7, 1.2
 """f64 against f32."""
 SMALL_STRAINS = ("linear", "mass-tensor")
-GROWTH = 0.1
+GROWTH = 0.13
 """g − 1 of linear tets where nothing is timed."""
 STIFFENS = {"tet10": (3.0, 7.0)}
 """g − 1 against that of linear tets, of compressible and of nearly incompressible bodies, measured
 where they bend, twist and swing."""
-EACH_SUBSTEP, EACH_FRAME = 8e-8, 2.8e-5
+EACH_SUBSTEP, EACH_FRAME = 8e-8, 2e-5
 """a and c: seconds that a substep and a frame take however few elements there are."""
-SUBSTEPS_A_FRAME = 3.0
-"""k of bodies that stiffen, whose limits are looked at; 0 of others."""
+SUBSTEPS_A_FRAME, FOLLOWING = 3.0, 1.2e-5
+"""k and d of bodies that stiffen, whose limits are looked at; 0 of others."""
 FASTER, WAITING = 0.75, 3e-6
 """What each further thread adds to p, and w [s]."""
 
@@ -96,7 +96,8 @@ class Kind:
 
     def looks(self) -> float:
         """Seconds of it in which limits are looked at."""
-        return SUBSTEPS_A_FRAME * (self._work() + EACH_SUBSTEP) if self.stiffens() else 0.0
+        steps = FOLLOWING * self.stiffens()
+        return steps and steps + SUBSTEPS_A_FRAME * (self._work() + EACH_SUBSTEP)
 
     def substep(self) -> float:
         """Seconds of a substep by the tables alone."""
@@ -122,8 +123,10 @@ class Kind:
 
     def unlike(self, other: Kind) -> float:
         """How little the other tells of this one."""
-        names = ("element", "model", "precision", "integrator", "threads")
+        names = ("element", "model", "precision", "integrator")
         differs = [getattr(self, name) != getattr(other, name) for name in names]
+        # Other programs slow several threads down, that wait for each other, more than one.
+        differs += 3 * [self.threads != other.threads]
         size = abs(math.log(max(1, self.elements) / max(1, other.elements)))
         return 100.0 * sum(differs) + size
 

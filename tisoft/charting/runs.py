@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from tisoft import runtime
 from tisoft.charting.carriers import carrier
 from tisoft.charting.places import Place, corners_of
 from tisoft.scene import Scene
+from tisoft.step.pace import Pace
 
 TIMED, WINDOWS = 0.3, 6
 """Seconds of stepping that a cost is timed in, and parts of it, of which the fastest counts: what
@@ -84,55 +86,68 @@ def _by_frames(sim: Any, each: float, at_rest: int) -> dict[str, Any]:
     """
     from tisoft.simulation import Simulation
 
-    scene = sim.scene
-    speeds, spent, bare, growth = [], 0.0, 0.0, 0.0
-    is_part = False
-    for _ in range(WINDOWS):
-        windows = _windows(sim, TIMED - spent, each)
-        if not bare:
+    scene, threads = sim.scene, sim.stepper.pace.most
+    speeds: dict[int, float] = {}
+    spent, growth, is_part = 0.0, 0.0, False
+    for number in range(WINDOWS):
+        if number > 0:
+            sim = None  # its place in memory is the next one's
+            sim = Simulation(scene)
+        windows = _windows(sim, TIMED - spent, each, [threads, 1][number % 2 :])
+        if number == 0:
             growth = sim.substeps / (sim.frame * at_rest)
             is_part = sim.frame < min(FIRST_FRAMES, _frames(scene))
-            sim.stepper.fixed = sim.stepper.pace.most  # as fast as can be
-            bare = _substep(sim, 0.5 * sim.steps[-1], 16)
-            sim.stepper.fixed = None
-        speeds += [seconds / substeps for seconds, substeps in windows]
-        spent += sum(seconds for seconds, _ in windows)
+        for count, seconds, substeps in windows:
+            speeds[count] = min(speeds.get(count, np.inf), seconds / substeps)
+            spent += seconds
         if spent > (1.0 - 1.0 / WINDOWS) * TIMED:
             break
-        sim = None  # its place in memory is the next one's
-        sim = Simulation(scene)
-    whole = min(speeds)
-    bare = min(bare, whole)
+    count, whole = min(speeds.items(), key=lambda item: item[1])
+    _take(sim, count)
+    bare = min(whole, _substep(sim, 0.5 * sim.steps[-1], 16))
     return {
         "cost": whole * growth * at_rest * scene.frame_rate, "substep": bare,
         "frame": (whole - bare) * growth * at_rest, "growth": None if is_part else growth,
     }  # fmt: skip
 
 
+def _take(sim: Any, threads: int) -> None:
+    """Let a simulation take so many threads from now on."""
+    sim.stepper.pace, sim.stepper.fixed = Pace(threads), threads
+
+
 def _frames(scene: Scene) -> int:
     return max(2, round(scene.duration * scene.frame_rate))
 
 
-def _windows(sim: Any, most: float, each: float) -> list[tuple[float, int]]:
-    """Seconds and substeps of stretches of a run to the end of the scene's duration, which is given
-    up after `most` seconds; `each`: that a frame takes, about.
+def _windows(
+    sim: Any, most: float, each: float, threads: Sequence[int]
+) -> list[tuple[int, float, int]]:
+    """Threads, seconds and substeps of stretches of a run to the end of the scene's duration.
+
+    Args:
+        sim: at its start.
+        most: seconds after which it is given up.
+        each: seconds that a frame takes, about.
+        threads: of stretches in turn: several wait for one another while other programs run, and
+            what one takes is then all there is to go by.
     """
     last = _frames(sim.scene)
     first = min(FIRST_FRAMES if each < LONG_FRAME else 1, last // 2)
     while sim.frame < first:
         sim.step()
-    windows: list[tuple[float, int]] = []
+    windows: list[tuple[int, float, int]] = []
     spent = 0.0
-    begun, before = _stepping(sim), sim.substeps
-    while sim.frame < last and (spent < most or not windows):
-        if not sim.make_frames(last - sim.frame):
-            sim.step()
-        seconds = _stepping(sim) - begun
-        if seconds > TIMED / WINDOWS or sim.frame == last:
-            windows.append((seconds, sim.substeps - before))
-            spent += seconds
-            begun, before = _stepping(sim), sim.substeps
-    long = [window for window in windows if window[0] > 0.5 * TIMED / WINDOWS]
+    while sim.frame < last and (spent < most or len(windows) < len(threads)):
+        _take(sim, threads[len(windows) % len(threads)])
+        begun, before, seconds = _stepping(sim), sim.substeps, 0.0
+        while sim.frame < last and seconds < TIMED / WINDOWS:
+            if not sim.make_frames(last - sim.frame):
+                sim.step()
+            seconds = _stepping(sim) - begun
+        windows.append((sim.stepper.pace.most, seconds, sim.substeps - before))
+        spent += seconds
+    long = [window for window in windows if window[1] > 0.5 * TIMED / WINDOWS]
     return long or windows
 
 
