@@ -361,6 +361,21 @@ def test_a_budget_is_asked_for(scene, tmp_path, capsys):
     assert "--budget is 0" in capsys.readouterr().err
 
 
+def test_why_there_is_no_ruler_is_told_by_its_own_sentence(scene, monkeypatch):
+    """Of quadratic tets that cannot be had: no budget makes up for that."""
+    survey = Survey(scene, 1e6)
+    own = survey.asking.bench.ask
+
+    def refused(what, variant, seconds=np.inf):
+        if what == "size" and "tet10" in variant.name:
+            return {"error": "the skin lies elsewhere"}
+        return own(what, variant, seconds)
+
+    monkeypatch.setattr(survey.asking.bench, "ask", refused)
+    with pytest.raises(SceneError, match="quadratic tets are to judge it, but the skin lies"):
+        survey.measure(others=False)
+
+
 def test_a_picture_of_a_variant_knows_gravity_in_rows():
     drawn = []
     for gravity in ((0.0, -9.81, 0.0), [(0.0, 0.0, -9.81, 0.0), (1.0, 0.0, -9.81, 0.0)]):

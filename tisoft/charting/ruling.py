@@ -89,7 +89,10 @@ class Ruling:
                 "of shapes, of cages and of springs from Young's modulus can"
             )
         size = self.asking.size(pairs[0].better)
-        if size is not None and size["nodes"] > LARGEST_RULER:
+        if size is None:
+            why = self.asking.bench.ask("size", pairs[0].better)["error"]
+            return f"the scene cannot be charted: quadratic tets are to judge it, but {why}"
+        if size["nodes"] > LARGEST_RULER:
             return (
                 f"the mesh is too large for a ruler: quadratic tets would have {size['nodes']} "
                 f"nodes, more than {LARGEST_RULER}, and it has no coarser twin; take a coarser mesh"
