@@ -31,6 +31,23 @@ def test_a_shelf_lends_what_was_given_back():
     assert shelf.is_empty
 
 
+def test_rows_that_come_back_while_others_are_lent_are_lent_once(monkeypatch):
+    """As where the garbage collector ends a simulation in the middle of `take`."""
+    shelf = Shelf(10)
+    first, second = shelf.take(2), shelf.take(2)
+    place = shelf.place
+
+    def place_and_collect(count):
+        start = place(count)
+        shelf.give_back(second, 2)
+        return start
+
+    monkeypatch.setattr(shelf, "place", place_and_collect)
+    assert (first, shelf.take(3)) == (0, 4)
+    monkeypatch.undo()
+    assert (shelf.take(2), shelf.take(3), shelf.place(1)) == (2, 7, None)
+
+
 def test_the_second_scene_of_a_structure_compiles_nothing():
     one = ts.Simulation(scene())
     one.step()

@@ -25,19 +25,26 @@ LARGE = 64 << 20
 
 
 class Shelf:
-    """Free ranges of one kind of rows; the first that fits is taken."""
+    """Free ranges of one kind of rows; the first that fits is taken.
+
+    The garbage collector ends simulations that nobody holds whenever it runs, within `take` as
+    well: what is given back waits until the ranges are looked at next.
+    """
 
     def __init__(self, rows: int) -> None:
         self.rows = rows
         self._free = [(0, rows)]
+        self._returned: list[tuple[int, int]] = []
 
     @property
     def is_empty(self) -> bool:
         """Whether nothing is lent."""
+        self._settle()
         return self._free == [(0, self.rows)]
 
     def place(self, count: int) -> int | None:
         """Where `count` rows would go, or None."""
+        self._settle()
         if not count:
             return 0
         return next((start for start, end in self._free if end - start >= count), None)
@@ -55,9 +62,15 @@ class Shelf:
 
     def give_back(self, start: int, count: int) -> None:
         """Rows start .. start + count − 1 are free again."""
-        if not count:
+        if count:
+            self._returned.append((start, start + count))
+
+    def _settle(self) -> None:
+        """Join what was given back to what is free."""
+        if not self._returned:
             return
-        bisect.insort(self._free, (start, start + count))
+        while self._returned:
+            bisect.insort(self._free, self._returned.pop())
         joined: list[tuple[int, int]] = []
         for low, end in self._free:
             if joined and joined[-1][1] == low:
