@@ -41,7 +41,8 @@ def timing_of(scene: Scene, places: list[Place]) -> dict[str, Any]:
     found = {"step": step, "stable_step": float(limit)}
     if each * substeps < LONGEST_FRAME and not explicit:
         return found | _by_frames(sim, each * substeps, substeps)
-    each = _by_substeps(sim, each, min(substeps, 10_000), step)
+    counts, most = {1, sim.stepper.pace.most}, min(substeps, 10_000)
+    each = min(_by_substeps(sim, count, each, most, step) for count in counts)
     cost = each * substeps * scene.frame_rate
     return found | {"cost": cost, "substep": each, "frame": None, "growth": None}
 
@@ -65,8 +66,9 @@ def _stepping(sim: Any = None) -> float:
     return (time.process_time() if alone else time.perf_counter()) - runtime.compile_seconds
 
 
-def _by_substeps(sim: Any, each: float, most: int, step: float) -> float:
+def _by_substeps(sim: Any, threads: int, each: float, most: int, step: float) -> float:
     """Seconds of a substep of those that take about `each`, `most` at a time at the most."""
+    _take(sim, threads)
     count = max(1, min(most, int(TIMED / WINDOWS / max(each, 1e-9))))
     speeds = []
     for _ in range(WINDOWS):
