@@ -11,12 +11,14 @@ many barriers, so a thread must have much to do between two.
 """
 SPRINGS_PER_TET = 3
 """Springs that cost about as much as one tet."""
-TRIAL, TRIAL_WORK = 4, 40_000
+TRIAL, TRIAL_WORK = 4, 10_000
 """Substeps, or cell-substeps, of the launch that tries several threads again: so many that calling
 them does not count, so few that waiting for a busy core does not hurt."""
 LONGEST_WAIT = 64
 """Launches with one thread at the most before several are tried again: a trial is so short beside
 them that even a hundredfold wait for a core costs little."""
+RARER = 4
+"""How many times as long the next one waits after each trial that was too slow."""
 RENEWED = 256
 """Launches with several threads, after which one runs alone to tell what alone costs by then."""
 SLOWER = 1.2
@@ -46,8 +48,8 @@ class Pace:
 
     Threads meet at barriers, so on a busy machine one that must wait for a core makes all wait.
     Where several threads turn out slower than one was a moment ago, one takes over for a while,
-    twice as long each time.  A neighbour that slows both is no reason: after each launch that was
-    too slow, the next one runs alone and says what alone costs *now*.
+    each time for longer.  A neighbour that slows both is no reason: after each launch that was too
+    slow, the next one runs alone and says what alone costs *now*.
     """
 
     def __init__(self, most: int) -> None:
@@ -77,4 +79,4 @@ class Pace:
             self.wait = int(self.together == RENEWED)
         else:
             self.wait, self.trial = self.penalty, True
-            self.penalty = min(2 * self.penalty, LONGEST_WAIT)
+            self.penalty = min(RARER * self.penalty, LONGEST_WAIT)
