@@ -110,7 +110,7 @@ def total(state: ti.template(), i):
 
     Reads state.copy_start; takes from state.force.
     """
-    f = 0.0 * state.force[0]
+    f = ti.Vector.zero(state.real, 3)  # not 0 times a force: of a body that explodes, nan
     for k in range(state.copy_start[i], state.copy_start[i + 1]):
         for d in ti.static(range(3)):
             f[d] += state.force[k][d]
@@ -121,7 +121,7 @@ def total(state: ti.template(), i):
 @ti.func
 def viscous_total(state: ti.template(), i):
     """The viscous share of it [N]; takes from state.viscous_force."""
-    f = 0.0 * state.force[0]
+    f = ti.Vector.zero(state.real, 3)
     for k in range(state.copy_start[i], state.copy_start[i + 1]):
         for d in ti.static(range(3)):
             f[d] += state.viscous_force[k][d]

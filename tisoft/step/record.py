@@ -33,11 +33,15 @@ from tisoft.step import forces
 
 @ti.func
 def save(state: ti.template(), i):
-    """Keep node i's state, and begin its ledger.  Writes saved_*, work."""
+    """Keep node i's state, and begin its ledger, whatever it held: after what broke, nan.
+
+    Writes saved_*, work, touched.
+    """
     state.saved_displacement[i] = state.displacement[i]
     state.saved_velocity[i] = state.velocity[i]
-    state.work[i] = 0.0 * state.work[i]
-    state.touched[i] = 0.0 * state.touched[i]
+    for c in ti.static(range(2)):
+        state.work[i][c] = 0.0
+        state.touched[i][c] = 0.0
 
 
 @ti.func
