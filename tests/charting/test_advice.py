@@ -57,6 +57,12 @@ def test_a_body_that_chooses_for_itself_is_refused_where_nobody_chooses(scene):
         load_scene(scene, ['body.0.model="linear"', "body.0.tolerance=2"])
 
 
+def test_advice_does_not_write_over_the_scene_that_it_is_about(scene, capsys):
+    assert cli.main(["advise", str(scene), "-o", str(scene)]) == 2
+    assert "is the scene itself; name another file" in capsys.readouterr().err
+    assert scene.read_text() == BAR
+
+
 def test_a_run_chooses_tells_and_keeps_what_it_chose(scene, capsys, monkeypatch):
     monkeypatch.setattr(advice, "SECONDS", 2.0)  # of looking for something still better
     assert cli.main(["run", str(scene), "--json"]) == 0

@@ -356,9 +356,13 @@ def test_a_tolerance_that_nothing_keeps_is_refused(scene, tolerance, told):
         advise(scene, tolerance)
 
 
-def test_a_budget_is_asked_for(scene, tmp_path, capsys):
-    assert cli.main(["chart", str(scene), "--budget", "0", "-o", str(tmp_path / "out")]) == 2
-    assert "--budget is 0" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    "budget, told", [("0", "is 0;"), ("inf", "is inf;"), ("1e-9", "e-10 s for them")]
+)
+def test_a_budget_is_asked_for(scene, tmp_path, capsys, budget, told):
+    assert cli.main(["chart", str(scene), "--budget", budget, "-o", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert "--budget" in error and told in error and error.count("\n") == 1
 
 
 def test_why_there_is_no_ruler_is_told_by_its_own_sentence(scene, monkeypatch):

@@ -65,10 +65,14 @@ def test_draws_fill_a_range_of_decades_evenly_and_are_the_same_again():
 @pytest.mark.parametrize(
     "over, told",
     [("stifness=1,2", "is not a key"), ("body.7.stiffness=1", "out of range"),
-     ("stiffness=1..9", "--random"), ("stiffness", "KEY=V1"), ("stiffness=9..1", "ascend")],
+     ("stiffness=1..9", "--random"), ("stiffness", "KEY=V1"), ("stiffness=9..1", "ascend"),
+     ("stiffness=,", "KEY=V1"), ("stiffness=1..1e400", "at most"),
+     ("stiffness=1..9 --random 9999999", "1,000,000 rows"),
+     ("stiffness=1..9 --random 2 --seed -1", "--seed is -1")],
 )  # fmt: skip
 def test_a_wrong_axis_is_told_before_anything_runs(scene, tmp_path, capsys, over, told):
-    assert cli.main(["sweep", str(scene), "--over", over, "-o", str(tmp_path / "out")]) == 2
+    out = str(tmp_path / "out")
+    assert cli.main(["sweep", str(scene), "-o", out, "--over", *over.split()]) == 2
     error = capsys.readouterr().err
     assert told in error and error.count("\n") == 1
 

@@ -156,8 +156,9 @@ class Survey:
         if needs > MOST_OVER * self.budget:
             raise SceneError(
                 f"the scene as it is has {self.asking.bench.ask('size', now)['nodes']} nodes, "
-                f"whose equilibrium and modes take about {needs:.0f} s: too many for the time "
-                "there is; take a coarser mesh, or chart it with a larger --budget"
+                f"whose equilibrium and modes take about {needs:.2g} s, and there are "
+                f"{self.budget:.2g} s for them; take a coarser mesh, or chart it with a larger "
+                "--budget"
             )
         for what in missing:
             self.asking.ask(what, now, always=True)

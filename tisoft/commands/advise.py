@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import shlex
 import sys
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 
 from tisoft import stops
 from tisoft.commands import common
+from tisoft.errors import SceneError
 from tisoft.folders import check_free
 from tisoft.whole_files import as_json, write_text
 
@@ -38,6 +40,8 @@ def execute(options: argparse.Namespace) -> int:
     settings = common.settings_of(options)
     if options.output:
         check_free(Path(options.output))
+        if os.path.realpath(options.output) == os.path.realpath(options.scene):
+            raise SceneError(f"-o {options.output} is the scene itself; name another file")
     survey = survey_for(options.scene, options.tolerance, settings=settings)
     try:
         measure(survey, options.tolerance)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 import time
 from pathlib import Path
@@ -42,7 +43,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 def execute(options: argparse.Namespace) -> int:
     """Survey the variants and draw them."""
     begun = time.perf_counter() - time.process_time()  # the program's start counts too
-    if not options.budget > 0.0:
+    if not 0.0 < options.budget < math.inf:
         raise SceneError(f"--budget is {options.budget:g}; give seconds above 0")
     check_workers(options)
     settings = common.settings_of(options)

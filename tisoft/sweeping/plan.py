@@ -24,6 +24,8 @@ from tisoft.models.materials import MODELS
 from tisoft.scene_keys import field_names, toml_value
 
 MOST_ROWS = 1_000_000
+MOST, MOST_WHOLE = 1e100, 2.0**53
+"""Size of the ends of a range, and of those between which whole numbers are drawn."""
 _NUMBER = r"[-+]?(?:\d[\d_]*(?:\.\d+)?(?:[eE][-+]?\d+)?)"
 _RANGE = re.compile(rf"({_NUMBER})\.\.({_NUMBER})")
 _OF_BODIES = {"model", "velocity", "spin", "material", "lame_lambda", "lame_mu"}.union(
@@ -65,9 +67,10 @@ class Plan:
 def axis_of(text: str) -> Axis:
     """An axis from KEY=V1,V2,… or KEY=LOW..HIGH; raises SceneError."""
     key, equals, values = text.partition("=")
-    if not equals or not key.strip() or not values.strip():
+    texts = split(values)
+    if not equals or not key.strip() or not texts:
         raise SceneError(f"--over {shown(text)}: write KEY=V1,V2,… as young=1e4,1e5")
-    return _axis(key.strip(), split(values))
+    return _axis(key.strip(), texts)
 
 
 def axes_of_file(path: str) -> list[Axis]:
@@ -110,6 +113,10 @@ def plan_of(axes: Sequence[Axis], *, random: int | None = None, seed: int = 0) -
     if random is not None:
         if random < 1:
             raise SceneError(f"--random is {random}; give the number of rows, as 100")
+        if random > MOST_ROWS:
+            raise SceneError(f"--random is {random:,}, more than {MOST_ROWS:,} rows; give fewer")
+        if seed < 0:
+            raise SceneError(f"--seed is {seed}; give a whole number, 0 or above")
         rng = np.random.default_rng(seed)
         rows = [tuple(_draw(axis, rng) for axis in axes) for _ in range(random)]
         return Plan(tuple(axes), tuple(rows))
@@ -158,10 +165,13 @@ def as_toml(value: Any) -> str:
 def _axis(key: str, texts: list[str]) -> Axis:
     ranges = [_RANGE.fullmatch(text.strip()) for text in texts]
     if len(ranges) == 1 and ranges[0] is not None:
-        low, high = (float(toml_value(end)) for end in ranges[0].groups())
+        low, high = (float(end) for end in ranges[0].groups())
         if not low < high:
             raise SceneError(f"--over {key}={texts[0]}: the range must ascend, as 1e4..1e6")
+        if not max(-low, high) <= MOST:
+            raise SceneError(f"--over {key}={texts[0]}: the ends may be {MOST:g} in size at most")
         whole = all(isinstance(toml_value(end), int) for end in ranges[0].groups())
+        whole = whole and max(-low, high) < MOST_WHOLE
         return Axis(key, (), (low, high), whole)
     if any(ranges):
         raise SceneError(f"--over {key}: give either one range, or values; not both")

@@ -70,7 +70,7 @@ def sweep(
         raise FieldError("over", 'must be a table, as {"young": [1e4, 1e5]}', over)
     if random is not None:
         checks.integer("random", random, least=1)
-    checks.integer("seed", seed)
+    checks.integer("seed", seed, least=0)
     if workers is not None:
         checks.integer("workers", workers, least=1)
     if scheduler is not None:
