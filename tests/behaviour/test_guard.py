@@ -209,3 +209,25 @@ def test_a_followed_step_needs_no_second_try_where_the_bar_stiffens_slowly():
         assert sim.steps[-1] < 1.35 * before
     assert sim.recoveries == []
     assert sim.steps[-1] < 0.7 * sim.steps[0]
+
+
+@pytest.mark.parametrize(("first", "speed", "most"), [(12, 2.0, 1), (16, -2.0, 8)])
+def test_frames_that_share_a_launch_are_taken_back_as_those_made_one_by_one(first, speed, most):
+    """The bar swings, thrown to be found above the limit only at the end of a launch."""
+    sims = []
+    for together in (True, False):
+        scene = bar("auto", rate=25.0)
+        scene.bodies[0].pins.pop()
+        sim = ts.Simulation(scene, threads=1)
+        sim.run(first / 25.0)
+        x = sim.positions()
+        sim.set_state(x, speed * x * [1, 0, 0])
+        if together:
+            sim.run(60 / 25.0)
+        else:
+            list(sim.frames(60 / 25.0))
+        sims.append(sim)
+    shared, single = sims
+    assert len(shared.recoveries) == len(single.recoveries) == most
+    assert shared.steps == single.steps
+    assert np.array_equal(shared.positions(), single.positions())

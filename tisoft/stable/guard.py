@@ -132,14 +132,16 @@ class Guard:
 
     def carry_many(self, count: int, substeps: int, step: float) -> int:
         """Make up to `count` stretches of `substeps` substeps of `step` [s]; returns how many were
-        made and are sound.  What comes after them is for `carry`.
+        made and are sound.  What comes after them is for `carry`, which finds what it would have
+        found of stretches made one by one.
         """
         scene = self.scene
+        looked = scene.limit.looked()
         made = scene.stretches(count, substeps, step, self._unsuspected())
         if self.breach(step, made - 1, look=scene.is_look_due(made * substeps)) is None:
             return made
         scene.stepper.restore()
-        scene.limit.moved()
+        scene.limit.unlooked(looked)
         return made - 1
 
     def carry(self, substeps: int, step: float) -> tuple[int, float]:
