@@ -5,7 +5,8 @@
 Entries come from the substeps themselves (`step.ledger`), in f64 per node, and are added up at each
 frame's end (`step.record`).  With symplectic Euler the error is the swing of that integrator's own
 energy, −(h/2) Σ v·f with f the conservative and external forces: it is as large as v·f is and does
-not grow.  With velocity Verlet it is of second order in the step.  In f32 rounding adds its share.
+not grow, but that a load which jumps by F leaves (h/2) Σ v·F.  With velocity Verlet it is of second
+order in the step, and of first after a pin's velocity has jumped.  In f32 rounding adds its share.
 
 With consistent mass the work of moved pins and of contact is reckoned with the lumped one.
 """
