@@ -136,12 +136,12 @@ class Guard:
         found of stretches made one by one.
         """
         scene = self.scene
-        looked = scene.limit.looked()
+        known = scene.limit.state()
         made = scene.stretches(count, substeps, step, self._unsuspected())
         if self.breach(step, made - 1, look=scene.is_look_due(made * substeps)) is None:
             return made
         scene.stepper.restore()
-        scene.limit.unlooked(looked)
+        scene.limit.set_state(known)
         return made - 1
 
     def carry(self, substeps: int, step: float) -> tuple[int, float]:

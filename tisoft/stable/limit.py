@@ -41,8 +41,6 @@ ASSEMBLED = 30_000
 """Cells up to which a matrix is sooner made than a kernel compiled."""
 ROUNDING = 1.0 - 1e-5
 """The tets' limits are computed in f32 at the least; this keeps their rounding on the safe side."""
-LOOKED = ("_before", "_bound", "_bounds", "_is_new", "_next_look", "_next_soon")
-"""What a look at a state changes, beside the sharp limits known."""
 
 
 @dataclass(frozen=True)
@@ -341,19 +339,8 @@ class StepLimit:
         solid = self.accepted() if self._moves else self._least(at_rest, springs=False)
         return min(solid, self._least(at_rest, springs=True))
 
-    def looked(self) -> dict[str, Any]:
-        """What the last look found, for `unlooked` to go back to."""
-        found = {name: getattr(self, name) for name in LOOKED}
-        known = self._references
-        return {**found, "_references": None if known is None else known.copy()}
-
-    def unlooked(self, found: dict[str, Any]) -> None:
-        """Forget looks since `looked`: at states that have been taken back."""
-        for name, value in found.items():
-            setattr(self, name, value)
-
     def state(self) -> dict[str, Any]:
-        """What a checkpoint keeps, so that the same bits follow."""
+        """What a checkpoint keeps, and who takes frames back, so that the same bits follow."""
         known = self._references
         return {
             "at_rest": self._sharp_at_rest().tolist(),

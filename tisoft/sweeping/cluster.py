@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 import multiprocessing
-import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -17,6 +16,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from tisoft import stops
+from tisoft.cores import permitted
 from tisoft.errors import SceneError
 
 PATIENCE = 10.0
@@ -142,4 +142,4 @@ def _end(cluster: Any, client: Any) -> None:
 
 def threads_for(workers: int | None) -> int | None:
     """CPU threads of each of several workers, so that together they fill the machine."""
-    return None if workers is None else max(1, (os.cpu_count() or 1) // max(1, workers))
+    return None if workers is None else max(1, permitted() // max(1, workers))
