@@ -188,9 +188,7 @@ class ResultFolder:
     ) -> None:
         with stops.held():
             if self._manifest is not None:
-                stopped = kind is not None and issubclass(kind, KeyboardInterrupt | Unwritable)
-                by_kind = "done" if kind is None else "interrupted" if stopped else "failed"
-                self._manifest.state = self.state or by_kind
+                self._manifest.state = self.state or _state(kind)
                 with contextlib.suppress(SceneError):  # "running" without a lock tells as much
                     self._write(self._manifest)
             self._leave()
@@ -232,3 +230,11 @@ def check_free(path: Path) -> None:
         raise SceneError(
             f"{path} belongs to the result of {older.title} in that folder; name another file"
         )
+
+
+def _state(kind: type[BaseException] | None) -> str:
+    """How a command ended that an exception of this kind ended, or none."""
+    if kind is None:
+        return "done"
+    stopped = issubclass(kind, Unwritable) or stops.ended_by(kind)
+    return "interrupted" if stopped else "failed"

@@ -208,6 +208,26 @@ def raise_if_asked() -> None:
         raise stop
 
 
+def ended_by(kind: type[BaseException] | None) -> bool:
+    """Whether an exception of this kind is the end that was asked for, whatever a library that it
+    passed through made of it.
+    """
+    return kind is not None and (issubclass(kind, KeyboardInterrupt) or asked() is not None)
+
+
+@contextmanager
+def as_stops() -> Iterator[None]:
+    """Raise `Stopped` for what fails inside once an end was asked for: it failed because of it."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        if (stop := asked()) is not None:
+            raise stop from error
+        raise
+
+
 def _alarm(seconds: float) -> None:
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, seconds)

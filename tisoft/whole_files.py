@@ -59,7 +59,7 @@ def make_folder(path: str | Path) -> Path:
 
 def ends_well(kind: type[BaseException] | None) -> bool:
     """Whether results up to an exception of this kind are worth keeping: they are whole so far."""
-    return kind is None or issubclass(kind, KeyboardInterrupt | Diverged | Unwritable)
+    return kind is None or issubclass(kind, Diverged | Unwritable) or stops.ended_by(kind)
 
 
 def part_name(path: Path) -> Path:

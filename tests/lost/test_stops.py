@@ -126,6 +126,29 @@ def test_a_stop_that_a_library_swallows_comes_all_the_same(scene, capsys, monkey
     assert "ended by SIGTERM" in capsys.readouterr().err
 
 
+def test_a_stop_that_a_library_turns_into_an_error_is_a_stop(scene, tmp_path, monkeypatch, capsys):
+    from tisoft.study import pictures
+
+    save = pictures.save
+
+    def turn(axis, place):
+        if axis.name == "poisson":
+            try:
+                signal.raise_signal(signal.SIGTERM)
+            except BaseException:
+                raise ValueError("the backend has no figure") from None
+        save(axis, place)
+
+    monkeypatch.setattr(pictures, "save", turn)
+    out = tmp_path / "map"
+    asked = ["stability", scene, "-o", str(out), "--only", "step-damping,poisson", "--quiet"]
+    assert main(asked) == 143
+    assert capsys.readouterr().err == "tisoft: error: ended by SIGTERM\n"
+    assert json.loads((out / "tisoft.json").read_text())["state"] == "interrupted"
+    result = json.loads((out / "summary.json").read_text())
+    assert result["status"] == "interrupted" and list(result["axes"]) == ["step-damping"]
+
+
 def test_a_frame_that_takes_too_long_is_cut(scene, tmp_path, monkeypatch):
     from tisoft.simulation import Simulation
 

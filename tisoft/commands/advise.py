@@ -44,7 +44,8 @@ def execute(options: argparse.Namespace) -> int:
             raise SceneError(f"-o {options.output} is the scene itself; name another file")
     survey = survey_for(options.scene, options.tolerance, settings=settings)
     try:
-        measure(survey, options.tolerance)
+        with stops.as_stops():
+            measure(survey, options.tolerance)
     except KeyboardInterrupt as stop:
         stops.settled()
         return _interrupted(options, survey, stop)

@@ -55,7 +55,8 @@ def execute(options: argparse.Namespace) -> int:
         survey = _survey(options, settings, kept, bar.tick, begun)
         folder.begin(FILES)
         try:
-            survey.measure(workers=_workers(options))
+            with stops.as_stops():
+                survey.measure(workers=_workers(options))
         except KeyboardInterrupt as asked:
             stop = asked
             stops.settled()

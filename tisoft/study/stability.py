@@ -8,6 +8,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from tisoft import stops
 from tisoft.errors import SceneError
 from tisoft.scene import Scene
 from tisoft.study import compression, diagonals, own, pictures, poisson, rotation, step_damping
@@ -103,10 +104,11 @@ def write_study(
         return result
 
     try:
-        for axis in study.axes(tick, on_axis):
-            pictures.save(axis, place)
-            write_text(place / f"{axis.name}.csv", axis.table())
-            done.append(axis)
+        with stops.as_stops():
+            for axis in study.axes(tick, on_axis):
+                pictures.save(axis, place)
+                write_text(place / f"{axis.name}.csv", axis.table())
+                done.append(axis)
     except KeyboardInterrupt:
         tell("interrupted")
         raise
