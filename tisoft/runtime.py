@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import time
+import warnings
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,9 @@ generation = 0
 def import_taichi() -> Any:
     """The taichi module, quietly; says what to install where its one system library is missing."""
     try:
-        with contextlib.redirect_stdout(io.StringIO()):
+        with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings():
+            # Of strings in Taichi's own files, where no byte code of theirs is kept.
+            warnings.simplefilter("ignore", SyntaxWarning)
             import taichi
     except ImportError as error:
         if "libX11" in str(error):
