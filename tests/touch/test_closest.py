@@ -25,7 +25,7 @@ def both():
             p, a, b, c = x[0, :], x[1, :], x[2, :], x[3, :]
             w = on_triangle(p, a, b, c)
             out[k, 0] = (p - w[0] * a - w[1] * b - w[2] * c).norm()
-            out[k, 1] = from_triangle(p, a, b, c)
+            out[k, 1] = ti.sqrt(from_triangle(p, a, b, c))
 
     def asked(points):
         out = np.zeros((len(points), 2))

@@ -44,8 +44,9 @@ def on_triangle(p, a, b, c):
 
 @ti.func
 def from_triangle(p, a, b, c):
-    """Distance [m] of p from triangle abc: from its plane where p is above it, else from the
-    nearest edge; without branches, which lists of many would often guess wrong.
+    """Square of the distance [m²] of p from triangle abc: from its plane where p is above it, else
+    from the nearest edge; without branches, which lists of many would often guess wrong, and
+    divided by nothing of p, so that the quotients are made once a triangle.
     """
     u, v, r = b - a, c - a, p - a
     uu, vv, uv, ru, rv, rr = u.dot(u), v.dot(v), u.dot(v), r.dot(u), r.dot(v), r.dot(r)
@@ -57,8 +58,8 @@ def from_triangle(p, a, b, c):
     det, height = uu * vv - uv * uv, r.dot(u.cross(v))
     wb, wc = vv * ru - uv * rv, uu * rv - uv * ru
     above = (wb >= 0.0) & (wc >= 0.0) & (wb + wc <= det) & (det > 0.0)
-    square = ti.select(above, height * height / det, square)
-    return ti.sqrt(ti.max(square, 0.0 * square))
+    square = ti.select(above, height * height * (1.0 / ti.max(det, 1e-30)), square)
+    return ti.max(square, 0.0 * square)
 
 
 @ti.func
@@ -66,7 +67,7 @@ def from_line(square, along, long):
     """Square of the distance from a line of length² `long`, of a point at distance² `square` from
     its start and with product `along` with it.
     """
-    t = clamped(along / ti.max(long, 1e-30))
+    t = clamped(along * (1.0 / ti.max(long, 1e-30)))
     return square - t * (2.0 * along - t * long)
 
 

@@ -77,18 +77,24 @@ def pair_faces(touch: ti.template(), q, i, rows, n, stop):
     ids = ti.Vector([touch.triangle[i, 0], touch.triangle[i, 1], touch.triangle[i, 2]])
     a, b, c = touch.seen[ids[0]], touch.seen[ids[1]], touch.seen[ids[2]]
     lo, hi, begun = ti.min(a, b, c), ti.max(a, b, c), n
-    row = rows[0]
+    middle = 0.5 * (lo + hi)
+    size = ti.max((a - middle).norm(), (b - middle).norm(), (c - middle).norm())
+    row, spare = rows[0], rows[1]
     while row < rows[1]:  # patch by patch
         end, k, reach = touch.group[row, 0], touch.group[row, 1], touch.reach[row]
         low, high = lo - reach, hi + reach
         if meets(low, high, touch.patch_low[k], touch.patch_high[k]):
-            for z in range(row, end):
+            found, most = spare, (reach + size) ** 2
+            for z in range(row, end):  # without branches, which would often be guessed wrong
                 p = touch.candidate[z]
-                u = touch.seen[p]
-                if meets(low, high, u, u) and p != ids[0] and p != ids[1] and p != ids[2]:
-                    d = from_triangle(u, a, b, c)
-                    if d < reach:
-                        ends = ti.Vector([p, ids[0], ids[1], ids[2]])
+                touch.candidate[found] = p
+                found += ti.cast((touch.seen[p] - middle).norm_sqr() < most, ti.i32)
+            for z in range(spare, found):
+                p = touch.candidate[z]
+                if p != ids[0] and p != ids[1] and p != ids[2]:
+                    square = from_triangle(touch.seen[p], a, b, c)
+                    if square < reach * reach:
+                        ends, d = ti.Vector([p, ids[0], ids[1], ids[2]]), ti.sqrt(square)
                         n = keep(touch, q, n, begun, stop, ends, ti.Vector([i, -1]), d)
         row = end
     return n

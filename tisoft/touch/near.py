@@ -19,8 +19,11 @@ AHEAD, FAR_AHEAD = 16.0, 24.0
 """Substeps for which a search is to last; the latter where the last one found fewer pairs than
 there are points: longer lists cost little there.
 """
-SPREADS = 0.25
-"""Share of its fastest point's speed that any of a body's points may soon have."""
+SPREADS = 0.5
+"""Share of its fastest point's speed that any of a body's points may soon have.  (What is hit stops
+or starts within a substep or two, so margins along the way that patches go, or in a frame that
+falls with a body, were tried and list no fewer pairs.)
+"""
 
 
 @ti.func

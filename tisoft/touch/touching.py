@@ -24,7 +24,7 @@ from tisoft.obstacles import Shell
 from tisoft.touch import fields as f
 from tisoft.touch.fields import Touch
 from tisoft.touch.meetings import Meetings, stands
-from tisoft.touch.patches import patches_of, ranges_of, sorted_surface
+from tisoft.touch.patches import SIZE, patches_of, ranges_of, sorted_surface
 from tisoft.touch.standing import SKIN, standings_of
 from tisoft.touch.surface import Surface
 from tisoft.touch.toucher import any_touch, toucher_of
@@ -105,7 +105,7 @@ class Touching:
         bodies = len(self.touchers) + len(self.owners)
         self.room = (PAIRS_A_POINT * points, PAIRS_A_POINT * edges)
         of_points, of_faces, of_edges = (len(each) for each in self._patches)
-        self.width = max(points, edges)
+        self.width = max(points, edges) + SIZE + 1
         needs = {
             "points": points + 1,
             "nodes": self.system.count,
