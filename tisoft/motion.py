@@ -43,6 +43,8 @@ CENTERED = 128
 LOOK, LOOK_WORK = 64, 30_000
 """Substeps, or tet-substeps in small scenes, that a stretch within a long frame has at the least;
 it ends where the next look is due."""
+REST = 1.25
+"""Times as many that it has where these are all that is left of the frame."""
 MOST_SUBSTEPS = 1e9
 """Substeps that a frame may have: hours of stepping, before which no frame would be seen."""
 
@@ -193,12 +195,14 @@ class Motion(Changing):
 
     def _go_to(self, end: float, long: float) -> None:
         """Advance to `end` [s], within a frame: for so long [s], but for rounding."""
+        tells, self.stepper.tells = self.stepper.tells, False
         count, h = self.substeps_of(long)
-        while count > (piece := self._piece()):
+        while count > REST * (piece := self._piece()):
             self._stretch(self.time + piece * h, piece, h)
             count -= piece
             if self.scene.step == "auto" and self.limit.chosen(self.substeps) < h:
                 count, h = self.substeps_of(end - self.time)
+        self.stepper.tells = tells
         self._stretch(end, count, h)
 
     def _piece(self) -> int:
