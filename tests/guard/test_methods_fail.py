@@ -7,6 +7,7 @@ import pytest
 import tisoft as ts
 from tisoft.geometry.rigidity import rigidity
 from tisoft.simulation import Simulation
+from tisoft.stable.limiting import limiting
 from tisoft.stable.sharp import sharp_limit
 
 
@@ -159,7 +160,7 @@ def test_sliver_costs_speed_and_nothing_else():
     sim = failing.certified(scene(), 0.2)
     assert sim.limit.sharp() < 0.6 * good
     assert np.abs(sim.positions() - sliver.points).max() < 0.5
-    node = sliver.tets[sim.limit.limit().element]
+    node = sliver.tets[limiting(sim.limit).element]
     assert np.abs(sliver.points[node] - [0.5, 0.1, 0.1]).max(axis=1).min() < 0.17
 
 

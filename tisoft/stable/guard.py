@@ -26,6 +26,7 @@ from typing import Protocol
 
 from tisoft.errors import Diverged
 from tisoft.stable.limit import StepLimit
+from tisoft.stable.limiting import culprit
 from tisoft.step.stepper import Stepper
 
 MOST_TRIES = 10
@@ -161,7 +162,7 @@ class Guard:
                 if last is not None:
                     scene.recoveries.append(last)
                 return substeps, step
-            element = scene.limit.culprit()
+            element = culprit(scene.limit)
             scene.stepper.restore()
             scene.limit.moved()
             substeps, step = 2 * substeps, step / 2
@@ -185,7 +186,7 @@ class Guard:
         scene.stretches(1, substeps, step, math.inf)
         if not scene.stepper.tripped:
             return
-        element = scene.limit.culprit()
+        element = culprit(scene.limit)
         scene.stepper.restore()
         scene.limit.moved()
         raise Diverged(

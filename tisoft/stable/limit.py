@@ -1,10 +1,9 @@
-"""The stable step of a running scene: what it is, and which element sets it."""
+"""The stable step of a running scene, and the one that `step = "auto"` takes."""
 
 from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -46,21 +45,6 @@ ROUNDING = 1.0 - 1e-5
 """The tets' limits are computed in f32 at the least; this keeps their rounding on the safe side."""
 
 
-@dataclass(frozen=True)
-class Limit:
-    """A bound on the step and the element that sets it."""
-
-    step: float
-    """[s]; inf where nothing oscillates."""
-    part: Part | None
-    element: int
-    """Number of the cell, or spring, in the body's own order."""
-    kind: str
-    """"tet", "hex", "spring" or "nothing"."""
-    node: int = -1
-    """Row of the body's `mesh.points` at which the tet does so."""
-
-
 class StepLimit:
     """Bounds of the tets, followed as they deform, and of the springs, which never stiffen."""
 
@@ -68,9 +52,10 @@ class StepLimit:
         self.system = system
         self.integrator = integrator
         self.factor = INTEGRATORS[integrator].damping_factor
-        self._shares = [(k, s) for k, s in enumerate(system.shares) if s.block.law is not None]
-        self._moves = any(share.block.law.is_finite for _, share in self._shares)
-        self._launch = self._kernel() if self._shares else None
+        self.shares = [(k, s) for k, s in enumerate(system.shares) if s.block.law is not None]
+        """The solids' shares of blocks, each with its number."""
+        self._moves = any(share.block.law.is_finite for _, share in self.shares)
+        self._launch = self._kernel() if self.shares else None
         self._bound: float | None = None
         self._bounds: Floats | None = None
         """Of each solid, in the state in which `_bound` holds [s]."""
@@ -88,8 +73,8 @@ class StepLimit:
         self.refresh()
 
     def _kernel(self) -> Any:
-        numbers = tuple(k for k, _ in self._shares)
-        blocks = tuple(share.block for _, share in self._shares)
+        numbers = tuple(k for k, _ in self.shares)
+        blocks = tuple(share.block for _, share in self.shares)
         alone = self.system.is_small
         key = ("look", *blocks, numbers, self.factor, alone)
         return self.system.lease.arena.kernel(
@@ -370,50 +355,3 @@ class StepLimit:
         self._bound, self._is_new = state["last"], state["new"]
         each = state.get("each")
         self._bounds = None if each is None else np.array(each)
-
-    def limit(self) -> Limit:
-        """The bound and the element that sets it."""
-        self.follow()
-        now = np.empty(self.system.count, self.system.real)
-        self.system.state.read_limits(self.system.first, now)
-        found = [
-            self._of_part(part, now[part.nodes].astype(np.float64)) for part in self.system.parts
-        ]
-        return min(found, key=lambda limit: limit.step, default=Limit(np.inf, None, -1, "nothing"))
-
-    def _of_part(self, part: Part, now: NDArray[np.float64]) -> Limit:
-        """One body's; `now` holds its nodes' limits in the present state."""
-        steps = self.limits_at_rest[part.index]
-        if not len(steps):
-            return Limit(np.inf, None, -1, "nothing")
-        if part.is_springs:
-            worst = int(np.argmin(steps))
-            return Limit(float(steps[worst]), part, worst, "spring")
-        nodes = steps if part.is_tensor else now
-        node = int(np.argmin(np.where(np.isnan(nodes), 0.0, nodes)))
-        around = np.concatenate([(c.nodes == node).any(axis=1) for c in part.solids]).nonzero()[0]
-        stiffest = self._stiffest(part)[around]
-        worst = around[int(np.argmax(np.where(np.isnan(stiffest), np.inf, stiffest)))]
-        step = float(nodes[node]) * ROUNDING
-        return Limit(
-            step, part, int(part.cell_order[worst]), part.kind_of_cell(worst), int(part.order[node])
-        )
-
-    def _stiffest(self, part: Part) -> NDArray[np.float64]:
-        """ω² [1/s²] of each of the body's cells in the state looked at last."""
-        if part.is_tensor:
-            return np.concatenate([known[:, 0] for known in part.known()])
-        found = []
-        for cells in part.solids:
-            share = next(s for _, s in self._shares if any(c is cells for _, c in s.members))
-            out = np.empty((len(share.batches.owner), share.batches.lanes), self.system.real)
-            share.block.read_stiffest(share.row("batches"), out)
-            found.append(out.ravel()[cells.place].astype(np.float64))
-        return np.concatenate(found)
-
-    def culprit(self) -> str:
-        """The element that sets the limit, or that is no longer finite, as words."""
-        here = self.limit()
-        if here.part is None:
-            return "a node without springs"
-        return f"{here.kind} {here.element} of {here.part.body.name!r}"

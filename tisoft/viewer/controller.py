@@ -22,6 +22,7 @@ from tisoft.errors import SceneError, TisoftError
 from tisoft.observers.quantities import node_values
 from tisoft.scene import Scene
 from tisoft.simulation import Simulation
+from tisoft.stable.limiting import limiting
 from tisoft.viewer.changing import Changes
 from tisoft.viewer.hands import Hands
 from tisoft.viewer.orders import COLORS
@@ -422,7 +423,7 @@ class Controller:
         step = sim.steps[-1] if sim.steps else None
         limit = sim.limit.nearest()
         known = step is not None and np.isfinite(limit) and limit > 0.0
-        found = sim.limit.limit()
+        found = limiting(sim.limit)
         self.painter.blame(found)
         return {
             "step": step,

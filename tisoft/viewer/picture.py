@@ -24,7 +24,7 @@ from tisoft.render.colormap import table
 from tisoft.render.items import SmoothVertices
 from tisoft.scene import Plane, Scene, Sphere
 from tisoft.simulation import Simulation
-from tisoft.stable.limit import Limit
+from tisoft.stable.limiting import Limit
 from tisoft.viewer.drawn import Drawn
 
 Floats = NDArray[np.float64]
