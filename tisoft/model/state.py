@@ -134,9 +134,11 @@ class State:
         """Of what was dissipated at it: by contact and by friction of surfaces [J]."""
 
         # A row for each part of a mesh that a node lies in, in part order:
-        self.force = field(vec3, "copies")
-        """Force of the part's elements on the node [N]; 0 between substeps."""
-        self.viscous_force = field(vec3, "copies")
+        self.force = field(ti.types.vector(4, real), "copies")
+        """Force of the part's elements on the node [N], and a 0: LLVM adds four at a time.  All 0
+        between substeps.
+        """
+        self.viscous_force = field(ti.types.vector(4, real), "copies")
         """The viscous share of it [N], where a ledger is kept."""
 
         # A row for each corner of a loaded face:
@@ -204,7 +206,7 @@ class State:
         """Memory that the fields take [bytes]."""
         real = 8 if structure == "f64" else 4
         nodes = rows["nodes"] * (29 * real + 5 * 4 + 32)
-        copies = rows["copies"] * 6 * real
+        copies = rows["copies"] * 8 * real
         return nodes + copies + rows["pressures"] * (8 + PRESSURE_NUMBERS * real)
 
     def destroy(self) -> None:
@@ -242,8 +244,9 @@ class State:
         """Zero the forces of a scene's parts."""
         ti.loop_config(serialize=self.serial)
         for k in range(first, last):
-            self.force[k] = ti.Vector([0.0, 0.0, 0.0])
-            self.viscous_force[k] = ti.Vector([0.0, 0.0, 0.0])
+            for d in ti.static(range(4)):
+                self.force[k][d] = 0.0
+                self.viscous_force[k][d] = 0.0
 
     @ti.kernel
     def write_masses(self, first: int, inverse_mass: A):

@@ -83,7 +83,7 @@ def batch_limits(block: ti.template(), state: ti.template(), scene, b):
         now = block.element.stiffened(block.law, rest, u, m, known, lane)
         block.stiffest[b, lane] = now[0]
         weight = known[3]
-        row = weight * ti.Vector([1.0, now[0], now[1]])
+        row = weight * ti.Vector([1.0, now[0], now[1], 0.0])
         for c in range(block.corners):
             k = block.places[b, c, lane]
             state.force[k] = state.force[k] + row

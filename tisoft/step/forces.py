@@ -25,6 +25,15 @@ def gather(block: ti.template(), field: ti.template(), b, columns: ti.template()
 
 
 @ti.func
+def row_of(block: ti.template(), columns: ti.template(), first, lane):
+    """Three rows of `columns` from `first` on, as a copy holds them: the fourth number is 0."""
+    row = ti.Vector.zero(block.real, 4)
+    for d in ti.static(range(3)):
+        row[d] = columns[first + d, lane]
+    return row
+
+
+@ti.func
 def scatter(
     block: ti.template(), copies: ti.template(), b, columns: ti.template(), first: ti.template()
 ):
@@ -35,8 +44,7 @@ def scatter(
     for lane in range(block.lanes):
         for c in range(block.corners):
             k = block.places[b, c, lane]
-            for d in ti.static(range(3)):
-                copies[k][d] = copies[k][d] + columns[first + 3 * c + d, lane]
+            copies[k] = copies[k] + row_of(block, columns, first + 3 * c, lane)
 
 
 @ti.func
@@ -46,10 +54,9 @@ def scatter_both(block: ti.template(), state: ti.template(), b, columns: ti.temp
     for lane in range(block.lanes):
         for c in range(block.corners):
             k = block.places[b, c, lane]
-            for d in ti.static(range(3)):
-                f, g = columns[3 * c + d, lane], columns[size + 3 * c + d, lane]
-                state.force[k][d] = state.force[k][d] + f
-                state.viscous_force[k][d] = state.viscous_force[k][d] + g
+            f, g = row_of(block, columns, 3 * c, lane), row_of(block, columns, size + 3 * c, lane)
+            state.force[k] = state.force[k] + f
+            state.viscous_force[k] = state.viscous_force[k] + g
 
 
 @ti.func
@@ -110,22 +117,23 @@ def total(state: ti.template(), i):
 
     Reads state.copy_start; takes from state.force.
     """
-    f = ti.Vector.zero(state.real, 3)  # not 0 times a force: of a body that explodes, nan
-    for k in range(state.copy_start[i], state.copy_start[i + 1]):
-        for d in ti.static(range(3)):
-            f[d] += state.force[k][d]
-            state.force[k][d] = 0.0
-    return f
+    return taken(state, state.force, i)
 
 
 @ti.func
 def viscous_total(state: ti.template(), i):
     """The viscous share of it [N]; takes from state.viscous_force."""
-    f = ti.Vector.zero(state.real, 3)
+    return taken(state, state.viscous_force, i)
+
+
+@ti.func
+def taken(state: ti.template(), copies: ti.template(), i):
+    """Sum of node i's copies, which are 0 afterwards."""
+    f = ti.Vector.zero(state.real, 3)  # not 0 times a force: of a body that explodes, nan
     for k in range(state.copy_start[i], state.copy_start[i + 1]):
         for d in ti.static(range(3)):
-            f[d] += state.viscous_force[k][d]
-            state.viscous_force[k][d] = 0.0
+            f[d] += copies[k][d]
+        copies[k] = ti.Vector.zero(state.real, 4)
     return f
 
 
