@@ -235,7 +235,7 @@ def test_what_broke_in_a_frame_that_is_taken_back_stays_out_of_the_account():
     state.touched.fill(np.nan)
     state.force[0] = [np.nan] * 4
     sim.step()
-    state.force[0] = [0.0] * 3
+    state.force[0] = [0.0] * 4
     assert 0.0 < sim.energy()["dissipated"] < 1.0
     assert np.isfinite(sim.positions()).all()
 
