@@ -9,6 +9,7 @@ import pytest
 import tisoft as ts
 from tisoft.touch import overlap
 from tisoft.touch.crossing import crossings
+from tisoft.touch.fields import FOUND
 
 SOFT = {"young": 1e5, "poisson": 0.3, "density": 1000.0}
 EDGE = 0.05
@@ -185,6 +186,25 @@ def test_the_same_bits_however_it_is_run(start):
             states.append(np.concatenate([sim.positions(), sim.velocities()]))
     for state in states[1:]:
         np.testing.assert_array_equal(state, states[0])
+
+
+def test_what_all_threads_read_no_sweep_writes():
+    """How many rows there are: the first thread solves for few of them at once, and one that read
+    after it, on a busy machine, took another way and waited for ever.
+    """
+    scene = blocks()
+    scene.frame_rate = 800.0  # a substep a frame
+    sim = simulation(scene, threads=1)
+    seen = 0
+    for _ in range(30):
+        before = sim.touching.counts()["rows"]
+        sim.step()
+        found = sim.touching.counts()["rows"] - before
+        if found:
+            thread = sim.touching.lease.starts["threads"]
+            assert sim.touching.fields.most[thread, FOUND] == found
+            seen += 1
+    assert seen > 5
 
 
 def test_without_contact_bodies_pass_through_each_other():

@@ -218,7 +218,8 @@ def touch_nodes(s: ti.template(), scene, t, threads, phase, now):
                 phase += 1
                 meet(s, scene, phase, threads)
             rows = find_rows(s.surfaces, q, t, threads, eases and k == 0, eases, now.h)
-        s.surfaces.most[thread + t, f.WORST] = rows
+        # A column that no sweep writes: the first thread's may begin before others have read it.
+        s.surfaces.most[thread + t, f.FOUND] = rows
         phase += 1
         meet(s, scene, phase, threads)
         if t == 0 and eases:
@@ -226,7 +227,7 @@ def touch_nodes(s: ti.template(), scene, t, threads, phase, now):
             s.surfaces.length[q, f.LEFT] = ti.max(s.surfaces.length[q, f.LEFT] - falls, 0.0)
         rows = 0
         for k in range(threads):
-            rows += ti.cast(s.surfaces.most[thread + k, f.WORST], ti.i32)
+            rows += ti.cast(s.surfaces.most[thread + k, f.FOUND], ti.i32)
         if rows > 0:
             if t == 0:
                 s.surfaces.order[q, f.ROWS] = s.surfaces.order[q, f.ROWS] + rows

@@ -42,8 +42,8 @@ far it reaches beyond its points [m]; the most of its points' `ahead` [m]."""
  SEGMENTS) = range(9)  # fmt: skip
 """Columns of `Touch.segment`: each thread's pairs, how many of them have rows, and its patches of
 triangles."""
-WORST, STALE, BLOWN, GONE = range(4)
-"""Columns of `Touch.most`: each thread's maxima, and whether a body has blown up."""
+WORST, STALE, BLOWN, GONE, FOUND, MOSTS = range(6)
+"""Columns of `Touch.most`: each thread's maxima, whether a body has blown up, and rows found."""
 
 
 @ti.data_oriented
@@ -215,7 +215,7 @@ class Touch:
         self.sunk = field(real, "couples")
         """How deep they were in each other when pushing them out began [m]."""
         self.segment = field(ti.i32, "threads", SEGMENTS)
-        self.most = field(real, "threads", 4)
+        self.most = field(real, "threads", MOSTS)
         self.order = field(ti.i32, "scenes", ORDERS)
         self.length = field(wide, "scenes", LENGTHS)
         self.tree = builder.finalize()
