@@ -223,7 +223,7 @@ def _timed(whole: Survey, true: dict[str, Judged], chosen: list[str]) -> dict[st
     """Timed costs of the scene, of what was chosen, and of the cheapest that keep a tolerance."""
     wanted = [next(v.name for v in true.values() if v.current), *chosen]
     for tolerance in TOLERANCES:
-        good = [v for v in true.values() if v.worst.value <= tolerance]
+        good = [v for v in true.values() if v.likely <= tolerance]
         wanted += [v.name for v in sorted(good, key=lambda v: v.cost)[:TIMED]]
     found = {}
     for name in dict.fromkeys(wanted):
@@ -256,9 +256,9 @@ def _held(
 ) -> dict[str, Any]:
     """A piece of advice against the truth."""
     name = found["choice"]
-    good = [timed[v.name] for v in true.values() if v.worst.value <= tolerance and v.name in timed]
+    good = [timed[v.name] for v in true.values() if v.likely <= tolerance and v.name in timed]
     cost = timed.get(name)
-    real = true[name].worst.value if name in true else None
+    real = true[name].likely if name in true else None
     return {
         "tolerance": tolerance, "choice": name, "certain": found["certain"],
         "predicted_most": found["most"], "true": real,

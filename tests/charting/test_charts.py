@@ -17,7 +17,7 @@ from tisoft.charting.chart import Chart
 from tisoft.charting.curves import FREE, HELD, range_of
 from tisoft.charting.estimate import Error, Ruler
 from tisoft.charting.judged import Judged, with_pareto
-from tisoft.charting.linearly import linear_ruler
+from tisoft.charting.linearly import is_near, linear_ruler
 from tisoft.charting.page import page
 from tisoft.charting.picture import files
 from tisoft.charting.places import Place
@@ -109,7 +109,9 @@ def test_hexahedra_are_judged_by_linear_elasticity_where_their_kernels_would_tak
     truth = estimate.Ruler(np.array([1.0]), 0.01)
     judge = linear_ruler(truth, Error(0.3, 0.01), [0.6])  # e = .3 where e_lin = .4
     assert judge.error([0.8]).value == pytest.approx(0.75 * 0.2)
-    assert judge.error([0.8]).bar == pytest.approx(0.01 + 0.25 * 0.2)
+    unsure = 0.01 / 0.3 + 0.006 / 0.4  # of the two errors, of which the share is
+    assert judge.error([0.8]).bar == pytest.approx(0.008 + (0.25 + 0.75 * unsure) * 0.2)
+    assert is_near([0.6], [0.5]) and not is_near([0.6], [0.3])  # of bodies that are turned
     assert linear_ruler(truth, Error(0.1, 0.01), [0.6]) is None  # linear elasticity tells nothing
 
 

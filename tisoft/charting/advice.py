@@ -198,7 +198,7 @@ def _likeliest(survey: Survey, chart: Chart, tolerance: float) -> Judged:
     """
     blunt = max((r.bar for r in survey.judging.rulers.values()), default=0.0) > tolerance
     least = chart.current.cost if blunt else 0.0
-    likely = [v for v in chart.variants if v.worst.value <= tolerance and v.cost >= least]
+    likely = [v for v in chart.variants if v.likely <= tolerance and v.cost >= least]
     return min(likely, key=lambda v: v.cost) if likely else _best(chart)
 
 

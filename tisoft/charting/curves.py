@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from tisoft.body import Body
 from tisoft.charting.estimate import Range
+from tisoft.charting.variants import poisson_of
 from tisoft.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -41,7 +42,7 @@ def range_of(coarse: Scene, fine: Scene, bodies: Sequence[int]) -> Range | None:
         bodies: numbers of those that vary.
     """
     pairs = [(coarse.bodies[i], fine.bodies[i]) for i in bodies]
-    if any(getattr(body.model, "poisson", 0.5) > COMPRESSIBLE for body, _ in pairs):
+    if any(poisson_of(body) > COMPRESSIBLE for body, _ in pairs):
         return None
     ends = [(_ends(one), _ends(other)) for one, other in pairs]
     if not any(len(own) for own, _ in ends):

@@ -84,9 +84,12 @@ class Ruler:
     """Relative uncertainty."""
 
     def error(self, value: Any) -> Error:
-        """The relative error of another answer."""
-        off = np.asarray(value, np.float64) - self.value
-        return Error(_norm(off) / max(_norm(self.value), 1e-300), self.bar)
+        """The relative error of another answer: |u − t|/|t|, which is off by |u|/|t| of what t is
+        off by, wherever that points.
+        """
+        own = np.asarray(value, np.float64)
+        size = max(_norm(self.value), 1e-300)
+        return Error(_norm(own - self.value) / size, self.bar * _norm(own) / size)
 
 
 def _norm(values: Floats) -> float:
@@ -160,8 +163,8 @@ def converging(r: float) -> Range:
 
 def frequency_error(own: list[float], truth: Ruler) -> Error:
     """Root mean square of the modes' relative errors."""
-    off = np.asarray(own) / truth.value - 1.0
-    return Error(float(np.sqrt((off**2).mean())), truth.bar)
+    ratios = np.asarray(own) / truth.value
+    return Error(float(np.sqrt(((ratios - 1.0) ** 2).mean())), truth.bar * float(ratios.max()))
 
 
 def foretold(error: Error, ratio: float) -> Error:

@@ -45,6 +45,20 @@ class Judged:
         return max(own, key=lambda e: e.most, default=Error(math.inf, 0.0))
 
     @property
+    def likely(self) -> float:
+        """The largest of the errors that count, without bars; inf where none is known."""
+        return self._largest(0.0)
+
+    @property
+    def least(self) -> float:
+        """What it errs by at the least, whatever the bars hide; inf where none is known."""
+        return self._largest(1.0)
+
+    def _largest(self, bars: float) -> float:
+        own = [self.errors[k] for k in self.decides if k in self.errors]
+        return max((e.value - bars * e.bar for e in own), default=math.inf)
+
+    @property
     def shown(self) -> float:
         """The error at which it is drawn: where the bar hides it, the bar's end."""
         return self.worst.most if self.worst.below else self.worst.value

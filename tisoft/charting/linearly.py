@@ -3,8 +3,9 @@
     K(0) u = f,   e ≈ s e_lin,   s = e/e_lin of the scene itself
 
 e is the error against the ruler, e_lin that of linear elasticity against a ruler of its own, on the
-same pair of meshes.  Where the two differ much (s beyond 2/3 and 3/2) linear elasticity tells
-nothing; their difference is added to the bar.
+same pair of meshes.  Where the two differ much (s beyond 2/3 and 3/2), or the answers themselves do
+(bodies that are turned), linear elasticity tells nothing.  The bar has the difference of the two
+errors besides, and what s is off by as their bars are.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from tisoft.errors import NoEquilibrium
 from tisoft.scene import Scene
 
 MOST_APART = 1.5
+MOST_OFF = 0.5
+"""By which the linear answer may differ from that of large displacements, relative to it."""
 
 
 @dataclass(frozen=True)
@@ -28,11 +31,19 @@ class LinearRuler:
     ruler: Ruler
     share: float
     """s"""
+    unsure: float = 0.0
+    """Relative bar of s."""
 
     def error(self, value: Any) -> Error:
         """The error of a variant, by its linear answer."""
         found = self.ruler.error(value)
-        return Error(self.share * found.value, found.bar + abs(self.share - 1.0) * found.value)
+        more = abs(self.share - 1.0) + self.share * self.unsure
+        return Error(self.share * found.value, found.bar + more * found.value)
+
+
+def is_near(linear: Any, large: Any) -> bool:
+    """Whether the linear answer of a scene comes near that of large displacements."""
+    return Ruler(np.asarray(large, np.float64), 0.0).error(linear).value <= MOST_OFF
 
 
 def linear_ruler(truth: Ruler, error: Error, own: Any) -> LinearRuler | None:
@@ -47,7 +58,8 @@ def linear_ruler(truth: Ruler, error: Error, own: Any) -> LinearRuler | None:
     if error.below or linear.below:
         return LinearRuler(truth, 1.0) if error.below and linear.below else None
     share = error.value / linear.value
-    return LinearRuler(truth, share) if 1.0 / MOST_APART < share < MOST_APART else None
+    unsure = error.bar / error.value + linear.bar / linear.value
+    return LinearRuler(truth, share, unsure) if 1.0 / MOST_APART < share < MOST_APART else None
 
 
 def linear_static(scene: Scene) -> tuple[list[np.ndarray], float]:

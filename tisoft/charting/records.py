@@ -23,7 +23,7 @@ from tisoft.charting.carried import carried
 from tisoft.charting.linearly import linear_static
 from tisoft.charting.places import Place, at_places
 from tisoft.charting.runs import path_of, timing_of
-from tisoft.charting.variants import Variant
+from tisoft.charting.variants import Variant, poisson_of
 from tisoft.errors import Diverged, NoEquilibrium, OutOfTime, TisoftError
 from tisoft.geometry.mesh import Mesh
 from tisoft.models.materials import Linear, MassSpring, MassTensor
@@ -32,7 +32,7 @@ from tisoft.version import version
 
 Floats = NDArray[np.float64]
 
-FORM = b"8"
+FORM = b"9"
 """Changes where records hold other things than before."""
 MODES = 3
 """Elastic modes that are compared."""
@@ -146,7 +146,7 @@ def size_of(scene: Scene, places: list[Place]) -> dict[str, Any]:
         "precision": scene.precision,
         "integrator": scene.integrator,
         "frame_rate": scene.frame_rate,
-        "poisson": max((getattr(body.model, "poisson", 0.0) for body in scene.bodies), default=0.0),
+        "poisson": max((poisson_of(body) for body in scene.bodies), default=0.0),
     }
 
 

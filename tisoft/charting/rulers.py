@@ -64,7 +64,7 @@ def pairs_of(catalogue: Catalogue, *, twin: bool) -> Iterator[Pair]:
                 yield Pair(catalogue.current, finer, estimate.OWN_MODEL, own[1], ratio)
         return
     told = TWIN if twin else None
-    for fine in (0.75, 0.5) if twin else (1.0, 1.5, 2.0, 3.0):
+    for fine in (0.75, 0.5) if twin else (1.0, 1.5, 2.0, 3.0, 4.0):
         found = catalogue.tets(fine)
         if found is None:
             continue

@@ -21,7 +21,7 @@ from tisoft.charting.asking import Asking
 from tisoft.charting.curves import range_of
 from tisoft.charting.doubting import UNSETTLED
 from tisoft.charting.judging import Judging
-from tisoft.charting.linearly import linear_ruler
+from tisoft.charting.linearly import is_near, linear_ruler
 from tisoft.charting.rulers import OWN_HEXES, OWN_SPRINGS, Pair, agreed, pairs_of, ruler_of
 from tisoft.charting.variants import Catalogue, Variant
 from tisoft.errors import SceneError
@@ -153,14 +153,18 @@ class Ruling:
         """
         bars = {what: ruler.bar for what, ruler in self.judging.rulers.items()}
         wanted = [what for what in self.quantities() if bars.get(what, 1.0) > blunt]
+        wanted.sort(key=lambda what: -bars.get(what, 1.0))
         some: tuple[Pair, list[str]] | None = None
         for pair in reversed(self.pairs()[1:]):
             room = SHARPENING * (self.share * self.budget - self.asking.spent())
             if not self._has_size(pair):
                 continue
             if self._misses(pair, wanted) <= room:
-                return pair.better if self._rule(pair, wanted, self.share) else None
-            if "sag" in wanted and self._misses(pair, wanted, linearly=True) <= room:
+                if self._rule(pair, wanted, self.share):
+                    return pair.better
+                continue  # it took longer than was foretold
+            is_soon = "sag" in wanted and self._misses(pair, wanted, linearly=True) <= room
+            if is_soon and self._own_linear() is not None:
                 self._rule(pair, [what for what in wanted if what != "sag"], self.share)
                 self.find_linear([*self.pairs()[:2], pair])
                 return pair.better
@@ -169,6 +173,16 @@ class Ruling:
         if some is not None and self._rule(*some, self.share):
             return some[0].better
         return None
+
+    def take_known(self) -> None:
+        """Let pairs of which all is known by now, as their variants were asked, become rulers."""
+        for pair in self.pairs():
+            known = [what for what in self.quantities() if not self._misses(pair, [what])]
+            if known and pair.told is None:
+                self._rule(pair, known, 0.0)
+        if self.judging.linear is not None:
+            pairs = [p for p in self.pairs() if not self._misses(p, ["sag"], linearly=True)]
+            self.find_linear(pairs)
 
     def _has_size(self, pair: Pair) -> bool:
         """Whether a pair is known, and not too large."""
@@ -248,22 +262,34 @@ class Ruling:
         """Those that may become the ruler."""
         return list(pairs_of(self.catalogue, twin=False))
 
+    def affords_linear(self, pair: Pair) -> bool:
+        """Whether linear elasticity tells of a pair soon."""
+        room = QUICK * (self.share * self.budget - self.asking.spent())
+        return self._misses(pair, ["sag"], linearly=True) <= QUICK * room
+
     def find_linear(self, pairs: Sequence[Pair]) -> None:
         """Linear elasticity on the meshes of pairs, for variants whose static answer takes longer
         than there is time."""
-        now = self.catalogue.current
-        sag, own = self.judging.rulers.get("sag"), self.asking.quantity(now, "sag")
-        linear = self.linearly(now)
-        if sag is None or own is None or linear is None:
+        sag, linear = self.judging.rulers.get("sag"), self._own_linear()
+        own = self.asking.quantity(self.catalogue.current, "sag")
+        if sag is None or linear is None:
             return
         best: estimate.Ruler | None = None
-        for pair in pairs:
-            worse, better = self.linearly(pair.worse), self.linearly(pair.better)
-            if worse is not None and better is not None:
-                made = ruler_of("sag", [worse, better], pair)
+        for pair in map(self._on_curves, pairs):
+            variants = [v for v in (pair.coarser, pair.worse, pair.better) if v is not None]
+            answers = [found for v in variants if (found := self.linearly(v)) is not None]
+            if len(answers) == len(variants):
+                made = ruler_of("sag", answers, pair)
                 best = made if best is None else agreed(best, made)
         if best is not None:
             self.judging.linear = linear_ruler(best, sag.error(own), linear)
+
+    def _own_linear(self) -> Any:
+        """The scene's own sag as linear elasticity has it; None where that is far from it."""
+        now = self.catalogue.current
+        own = self.asking.quantity(now, "sag")
+        linear = None if own is None else self.linearly(now)
+        return linear if linear is not None and is_near(linear, own) else None
 
     def linearly(self, variant: Variant) -> Any:
         """Sag as linear elasticity has it."""

@@ -122,17 +122,19 @@ class Survey:
         if self.patient and any(self._is_long(v) for v in candidates):
             self.ruling.find_linear([
                 pair for pair in self.ruling.pairs()
-                if self.asking.known("static", pair.better) and pair.told is None
+                if pair.told is None and self.ruling.affords_linear(pair)
             ])  # fmt: skip
         for share in (QUICK, self.ruling.share) if self.patient else (self.ruling.share,):
             for variant in sorted(candidates, key=self._wait):
                 if tolerance and self._is_hopeless(variant, tolerance):
                     continue
                 self._answers(variant, 0.9 if len(self.judged()) < 2 else share)
+            self.ruling.take_known()
             if tolerance and self._is_blunt(tolerance):
                 better = self.ruling.sharpen(ENOUGH * tolerance)
                 if better in candidates:
                     self._answers(better, self.ruling.share)
+                self.ruling.take_known()
         self.ruling.widen()
         self.asking.ask("timing", now, 0.97)
         self._time()
@@ -239,8 +241,7 @@ class Survey:
         order = 3.0 if size is None else HIGHEST_ORDER.get(size["element"], 3.0)
         return size is not None and any(
             v.element == size["element"] and v.model == size["model"]
-            and (v.worst.value - v.worst.bar)
-            * min(1.0, v.elements / size["elements"]) ** (order / 2.0) > tolerance
+            and v.least * min(1.0, v.elements / size["elements"]) ** (order / 2.0) > tolerance
             for v in self.judged()
         )  # fmt: skip
 
@@ -248,7 +249,7 @@ class Survey:
         """Whether nothing is certain to keep the tolerance, or what may keep it costs far less."""
         judged = self.judged()
         certain = [v.cost for v in judged if v.worst.most <= tolerance]
-        likely = [v.cost for v in judged if v.worst.value - v.worst.bar <= tolerance]
+        likely = [v.cost for v in judged if v.least <= tolerance]
         return not certain or min(certain) > DEARER * min(likely)
 
     def _is_long(self, variant: Variant) -> bool:

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tisoft.body import Body
 from tisoft.changes import MODEL_WORDS
 from tisoft.models.materials import Linear, MassSpring, MassTensor, ViscoElastic
@@ -19,8 +21,11 @@ from tisoft.scene_file import document_of
 from tisoft.where import Nodes
 
 CURRENT = "as it is"
-FACTORS = (0.5, 0.75, 1.5, 2.0, 3.0)
-"""By which cells along each axis of a shape are multiplied."""
+FACTORS = (0.5, 0.75, 1.5, 2.0, 3.0, 4.0)
+"""By which cells along each axis are multiplied; those of files, whose tets are cut 1:8, by powers
+of two."""
+FINEST_SHAPE, LARGEST_CUT = 3.0, 50_000
+"""The largest of them for shapes, and the most tets that a file is cut in beyond the half."""
 COUNTS = {"box": "cells", "cloth": "cells", "grid": "cells", "ball": "resolution",
           "cylinder": "resolution"}  # fmt: skip
 """The key of each shape that says how fine it is."""
@@ -99,6 +104,8 @@ class Catalogue:
         has = next(iter(body.mesh.cells), "spring")
         if len(body.mesh.cells) > 1:
             return None
+        if factor > FINEST_SHAPE and body.mesh.elements * factor**3 > LARGEST_CUT:
+            return None
         key, made = f"body.{i}.mesh", []
         shape = _shape_of(table)
         springs = isinstance(body.model, MassSpring)
@@ -140,8 +147,12 @@ class Catalogue:
     ) -> list[str] | None:
         if shape is None:
             linear = has == "tet4" or table.get("element") == "tet10"
-            times = math.log2(factor)
-            return [f"{key}.refine={times:.0f}"] if linear and times in (1.0, 2.0) else None
+            now = table.get("refine", 0)
+            times = now + math.log2(factor)
+            is_had = linear and times in range(now + 3)  # a file's own cells are the coarsest
+            return [f"{key}.refine={times:.0f}"] if is_had else None
+        if factor > FINEST_SHAPE:
+            return None
         if shape == "cage":
             return _finer_cage(f"{key}.cage", table["cage"], factor)
         count = COUNTS[shape]
@@ -153,7 +164,8 @@ class Catalogue:
 
     def ratio(self, coarse: float, fine: float) -> float:
         """By how much cells of one factor are larger than those of a finer one, along the axis
-        where it is the least; axes with one cell do not count.
+        where it is the least; axes with one cell do not count where that is the shortest side of
+        the finer ones.
         """
         found = [fine / coarse]
         for i in self.varied:
@@ -161,8 +173,10 @@ class Catalogue:
             shape = _shape_of(table)
             if shape is not None and "cage" not in table:
                 now = table[shape][COUNTS[shape]]
-                pairs = zip(_cells(now, coarse), _cells(now, fine), strict=True)
-                found.append(min((b / a for a, b in pairs if b > 1), default=1.0))
+                a, b = (np.array(_cells(now, factor)) for factor in (coarse, fine))
+                edges = np.array(table[shape].get("size", np.ones(len(b)))) / b
+                counts = (b > 1) | (edges > edges.min())
+                found.append(float((b / a)[counts].min(initial=fine / coarse)))
         return min(found)
 
     def elements(self) -> list[str]:
@@ -204,9 +218,8 @@ class Catalogue:
 
     @property
     def poisson(self) -> float:
-        """The largest Poisson's ratio of what varies; 0 of springs, which have none."""
-        models = (self.scene.bodies[i].model for i in self.varied)
-        return max((getattr(model, "poisson", 0.0) for model in models), default=0.0)
+        """The largest Poisson's ratio of what varies."""
+        return max((poisson_of(self.scene.bodies[i]) for i in self.varied), default=0.0)
 
     @property
     def is_itself(self) -> bool:
@@ -287,6 +300,14 @@ class Catalogue:
                     changes.append(f'integrator="{word}"')
                     name = f"{word}, {name}"
                 yield Variant(name, (*self.given, *changes), "step")
+
+
+def poisson_of(body: Body) -> float:
+    """The largest Poisson's ratio of a body's materials; 0 of springs, which have none, and .5 of
+    laws that do not tell it.
+    """
+    unknown = 0.0 if isinstance(body.model, MassSpring) else 0.5
+    return max(float(getattr(model, "poisson", unknown)) for model in body.materials()[0])
 
 
 def _shape_of(mesh: dict[str, Any]) -> str | None:

@@ -1,0 +1,87 @@
+"""Variants of a scene, and what their errors are off by."""
+
+import meshio
+import numpy as np
+import pytest
+
+import tisoft as ts
+from tisoft.charting.estimate import Error, Ruler
+from tisoft.charting.judged import Judged
+from tisoft.charting.variants import Catalogue
+from tisoft.scene_file import load_scene
+
+FILE = """
+[[body]]
+name = "body"
+young = 1.0e6
+poisson = 0.3
+density = 1000.0
+[body.mesh]
+file = "body.vtu"
+refine = 1
+[[body.region]]
+tag = 2
+poisson = 0.48
+"""
+BOX = """
+[[body]]
+young = 1.0e6
+poisson = 0.3
+density = 1000.0
+[body.mesh]
+box = { size = [0.8, %g, 0.15], cells = [10, 1, 2] }
+"""
+
+
+def catalogue(path, text):
+    path.write_text(text)
+    return Catalogue(path, load_scene(path), ())
+
+
+@pytest.fixture
+def of_file(tmp_path):
+    mesh = ts.box((0.2, 0.1, 0.1), (2, 1, 1))
+    regions = {"MaterialIds": [np.where(np.arange(len(mesh.tets)) < 3, 2, 1)]}
+    made = meshio.Mesh(mesh.points, [("tetra", mesh.tets)], cell_data=regions)
+    made.write(tmp_path / "body.vtu")
+    return catalogue(tmp_path / "scene.toml", FILE)
+
+
+def test_tets_of_a_file_are_cut_once_more_once_less_and_twice_more(of_file):
+    """Beyond what the scene cuts them itself, and no coarser than the file has them."""
+    cuts = {v.name: v.settings for v in of_file.meshes() if "tet4" in v.name}
+    assert cuts == {
+        f"tet4, {factor:g} x as fine": (f"body.0.mesh.refine={times}",)
+        for factor, times in ((0.5, 0), (2.0, 2), (4.0, 3))
+    }
+
+
+def test_a_region_that_is_nearly_incompressible_counts(of_file):
+    assert of_file.poisson == 0.48
+
+
+@pytest.mark.parametrize(("side", "ratio"), [(0.1, 1.0), (0.05, 2.0)])
+def test_meshes_are_not_compared_whose_longest_cells_stay_as_they_are(tmp_path, side, ratio):
+    """Along a side with one cell, where that is not the shortest of its edges."""
+    assert catalogue(tmp_path / "scene.toml", BOX % side).ratio(0.5, 1.0) == ratio
+
+
+def test_an_error_is_off_by_what_its_ruler_is_off_by():
+    """In whatever direction, to first order; and as much along the answer."""
+    rng = np.random.default_rng(3)
+    own, truth, bar = 2.5 * rng.normal(size=3), rng.normal(size=3), 1e-4
+    told = Ruler(truth, bar).error(own)
+
+    def off(way):
+        moved = truth + bar * np.linalg.norm(truth) * way / np.linalg.norm(way)
+        return abs(Ruler(moved, bar).error(own).value - told.value)
+
+    directions = [truth, own - truth, *rng.normal(size=(2000, 3))]
+    assert 0.98 < max(map(off, directions)) / told.bar < 1.001
+
+
+def test_an_error_that_another_ones_bar_hides_counts():
+    errors = {"sag": Error(0.044, 0.01), "frequency": Error(0.017, 0.04)}
+    one = Judged("tet4", (), "viscoelastic", "tet4", 8, 9, 1e-3, 1e-3, 1.0, errors)
+    assert one.worst == errors["frequency"]
+    assert (one.likely, one.least) == (0.044, pytest.approx(0.034))
