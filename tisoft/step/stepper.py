@@ -31,8 +31,10 @@ INTEGRATORS: dict[str, Any] = {
 }
 """By their words in scene files."""
 
-LAUNCH_WORK = 400_000
-"""Cell-substeps per launch at the most, some 5 ms: Ctrl-C and a busy machine are felt soon."""
+LAUNCH_WORK = {True: 400_000, False: 8_000_000}
+"""Cell-substeps per launch at the most, some 5 ms, on the processor and on a GPU: Ctrl-C and a busy
+machine are felt soon.  Each launch reads and writes some ten numbers, for which a GPU is waited.
+"""
 SHORTEST = 8
 """Substeps per launch that are worth it for any scene."""
 
@@ -83,7 +85,7 @@ class Stepper:
         most = most_threads(work, parts, pool, touches=rules.touching is not None)
         self.pace = Pace(most if threads is None else max(1, min(threads, pool)))
         self.fixed = threads
-        self.longest = max(SHORTEST, LAUNCH_WORK // max(1, work))
+        self.longest = max(SHORTEST, LAUNCH_WORK[runtime.on_cpu()] // max(1, work))
         self.trial = max(TRIAL, TRIAL_WORK // max(1, work))
         self.loaded = False
         """Whether loads and pressures act."""
