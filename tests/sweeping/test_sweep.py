@@ -66,7 +66,8 @@ def test_draws_fill_a_range_of_decades_evenly_and_are_the_same_again():
     "over, told",
     [("stifness=1,2", "is not a key"), ("body.7.stiffness=1", "out of range"),
      ("stiffness=1..9", "--random"), ("stiffness", "KEY=V1"), ("stiffness=9..1", "ascend"),
-     ("stiffness=,", "KEY=V1"), ("stiffness=1..1e400", "at most"),
+     ("stiffness=,", "KEY=V1"), ("stiffness=1,,2", "value 2 of 3 is empty"),
+     ("stiffness=1,", "value 2 of 2 is empty"), ("stiffness=1..1e400", "at most"),
      ("stiffness=1..9 --random 9999999", "1,000,000 rows"),
      ("stiffness=1..9 --random 2 --seed -1", "--seed is -1")],
 )  # fmt: skip
@@ -83,6 +84,13 @@ def test_a_failure_is_a_row_with_its_sentence(scene):
     assert "stiffness" in rows[1]["error"]
     # Half a second of the oscillator of 50 N/m and 0.2 kg: y = −1 − g/ω² (1 − cos ωt)
     assert rows[0]["probes.end.position.1"] == pytest.approx(-1.0413, abs=1e-3)
+
+
+def test_a_sweep_of_which_no_row_is_done_has_failed(scene, tmp_path, capsys):
+    command = ["sweep", str(scene), "-o", str(tmp_path / "out"), "--over"]
+    assert cli.main([*command, "stiffness=-1,-2"]) == 2
+    assert "none of 2 rows is done; row 0: " in capsys.readouterr().err
+    assert (tmp_path / "out" / "sweep.csv").read_text().count("must be above 0 N/m") == 2
 
 
 def test_a_killed_sweep_goes_on_without_losing_or_repeating_a_row(scene, tmp_path):

@@ -7,7 +7,7 @@ import sys
 from typing import Any
 
 from tisoft.commands import common
-from tisoft.errors import SceneError
+from tisoft.errors import Diverged, SceneError
 from tisoft.folders import ResultFolder
 from tisoft.whole_files import as_json
 
@@ -85,17 +85,17 @@ def execute(options: argparse.Namespace) -> int:
 
 def _report(options: argparse.Namespace, rows: list[dict[str, Any]]) -> int:
     failed = [row for row in rows if row["status"] != "done"]
+    none = len(failed) == len(rows)
     if options.json:
-        print(as_json({"status": "done", "rows": rows}))
+        print(as_json({"status": "failed" if none else "done", "rows": rows}))
     elif not options.quiet:
         print(f"{len(rows)} rows are in {options.output}/sweep.csv")
-        if failed:
-            first = failed[0]
-            print(
-                f"tisoft: warning: {len(failed)} of them failed; row {first['row']}: "
-                f"{first['error']}",
-                file=sys.stderr,
-            )
+    told = f"row {failed[0]['row']}: {failed[0]['error']}" if failed else ""
+    if none:
+        diverged = any(row["status"] == "diverged" for row in rows)
+        raise (Diverged if diverged else SceneError)(f"none of {len(rows)} rows is done; {told}")
+    if failed and not options.json and not options.quiet:
+        print(f"tisoft: warning: {len(failed)} of them failed; {told}", file=sys.stderr)
     return 0
 
 

@@ -68,8 +68,13 @@ def axis_of(text: str) -> Axis:
     """An axis from KEY=V1,V2,… or KEY=LOW..HIGH; raises SceneError."""
     key, equals, values = text.partition("=")
     texts = split(values)
-    if not equals or not key.strip() or not texts:
+    if not equals or not key.strip() or not any(texts):
         raise SceneError(f"--over {shown(text)}: write KEY=V1,V2,… as young=1e4,1e5")
+    if "" in texts:
+        raise SceneError(
+            f"--over {shown(text)}: value {texts.index('') + 1} of {len(texts)} is empty; "
+            "write it, or take out a comma"
+        )
     return _axis(key.strip(), texts)
 
 
@@ -133,7 +138,7 @@ def plan_of(axes: Sequence[Axis], *, random: int | None = None, seed: int = 0) -
 
 
 def split(text: str) -> list[str]:
-    """A text at its commas outside of brackets and quotes."""
+    """A text at its commas outside of brackets and quotes; empty where nothing is between them."""
     parts, depth, quote = [""], 0, ""
     for letter in text:
         if quote:
@@ -148,7 +153,7 @@ def split(text: str) -> list[str]:
             parts.append("")
         else:
             parts[-1] += letter
-    return [part.strip() for part in parts if part.strip()]
+    return [part.strip() for part in parts]
 
 
 def as_toml(value: Any) -> str:
