@@ -6,6 +6,7 @@ import pytest
 import tisoft as ts
 from tisoft import runtime
 from tisoft.check.warnings import warnings_of
+from tisoft.checks import FieldError
 from tisoft.model.part import parts_of
 from tisoft.stable.inside import Inside
 
@@ -102,3 +103,18 @@ def test_that_surfaces_do_not_touch_on_a_device_is_told(monkeypatch):
     assert "bodies pass through each other" in told and "--arch cpu" in told
     scene.bodies[1].contact = False
     assert warnings_of(scene) == []
+
+
+def test_a_thickness_that_a_body_cannot_have_is_told():
+    """Larger than the body: refused.  Smaller than contact can keep: what it keeps instead."""
+    cube, model = ts.box((0.2, 0.2, 0.2), (2, 2, 2)), ts.ViscoElastic(1e5, 0.3, 1000.0)
+    scene = ts.Scene()
+    body = scene.add_body(cube, model, "cube")
+    body.thickness = 0.01
+    assert warnings_of(scene) == []
+    body.thickness = 1e-9
+    (told,) = warnings_of(scene)
+    assert "keeps 2 mm from others, not the 1e-09 m" in told
+    with pytest.raises(FieldError, match=r"thickness = 10.* is only 0.2 m long"):
+        body.thickness = 10.0
+        body.validate()

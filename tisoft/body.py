@@ -288,9 +288,19 @@ class Body(Live):
             )
             raise FieldError("mass", problem, "consistent")
         self.materials()
+        self._check_thickness()
         if self.skin is not None and self.skin.corners.max() >= len(self.mesh.points):
             raise FieldError("skin", f"is carried by another mesh than that of {self.name!r}")
         self.check_held_and_pushed()
+
+    def _check_thickness(self) -> None:
+        size = float(np.ptp(self.mesh.points, axis=0).max())
+        if self.thickness is not None and len(self.mesh.surface) and self.thickness > size:
+            problem = (
+                f"is the distance in m that surfaces keep, and {self.name!r} is only {size:.3g} m "
+                "long; give a small share of an edge, or leave it out"
+            )
+            raise FieldError("thickness", problem, self.thickness)
 
     def check_held_and_pushed(self) -> None:
         """Check that pins and loads find what they hold and push; raises FieldError."""

@@ -13,6 +13,7 @@ from tisoft.gravity import strongest
 from tisoft.model.network import triangle_areas
 from tisoft.models.materials import SolidModel
 from tisoft.scene import Scene
+from tisoft.touch.surface import THINNEST
 
 FOLDS = 100.0
 """ρ g L³/(E t²/12) from which a strip of length L and thickness t hangs down and lies in folds."""
@@ -53,6 +54,21 @@ def contact_lines(result: dict[str, Any]) -> list[str]:
         keeps = f"keeps {metres(told['thickness'])}, a {told['thickness'] / told['edge']:.2g} edge"
         lines.append(f"  {name:14} {keeps}, from {', '.join(meets) or 'nothing'}")
     return ["contact", *lines] if lines else []
+
+
+def too_thin(body: Body) -> str | None:
+    """That a solid keeps more than its thickness; a sheet's is also what it is made of."""
+    if body.thickness is None or not body.mesh.elements or not body.contact:
+        return None
+    sides = body.mesh.surface[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    a, b = body.mesh.points[np.unique(np.sort(sides, axis=1), axis=0)].transpose(1, 0, 2)
+    least = THINNEST * float(np.median(np.linalg.norm(b - a, axis=1)))
+    if body.thickness >= least:
+        return None
+    return (
+        f"keeps {metres(least)} from others, not the {metres(body.thickness)} of its thickness: "
+        f"contact needs {THINNEST:g} of the median edge"
+    )
 
 
 def folding(body: Body, scene: Scene) -> str | None:

@@ -11,14 +11,12 @@ from numpy.typing import NDArray
 
 from tisoft.model.part import Part
 from tisoft.models.materials import MassSpring
-from tisoft.touch.surface import Surface, surface_of
+from tisoft.touch.surface import THINNEST, Surface, surface_of
 
 Floats = NDArray[np.float64]
 
 THICKNESS = {True: 0.05, False: 0.1}
 """Of a body's median edge, by whether it is solid (else a sheet)."""
-THINNEST = 0.02
-"""Of the median edge: less than what the sweeps leave over would let surfaces through."""
 FOLDED = 0.5
 """Cosine of the angle to its mean normal up to which a sheet has not begun to fold."""
 
