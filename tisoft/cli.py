@@ -100,13 +100,13 @@ def _open_streams() -> None:
 
 def _outcome(arguments: Sequence[str] | None) -> int:
     try:
-        code = _execute(arguments)
+        with stops.as_stops():
+            code = _execute(arguments)
         stops.raise_if_asked()  # a library may have swallowed it
         return code
     except KeyboardInterrupt:
         raise
     except BaseException as error:
-        stops.raise_if_asked()  # what failed then failed because of it
         return _explained(error)
 
 

@@ -222,9 +222,8 @@ def as_stops() -> Iterator[None]:
         yield
     except KeyboardInterrupt:
         raise
-    except BaseException as error:
-        if (stop := asked()) is not None:
-            raise stop from error
+    except BaseException:
+        raise_if_asked()
         raise
 
 

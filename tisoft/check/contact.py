@@ -9,6 +9,7 @@ import numpy as np
 from tisoft.body import Body
 from tisoft.check.lengths import metres
 from tisoft.geometry.mesh import TetMesh
+from tisoft.geometry.topology import unique_edges
 from tisoft.gravity import strongest
 from tisoft.model.network import triangle_areas
 from tisoft.models.materials import SolidModel
@@ -60,8 +61,8 @@ def too_thin(body: Body) -> str | None:
     """That a solid keeps more than its thickness; a sheet's is also what it is made of."""
     if body.thickness is None or not body.mesh.elements or not body.contact:
         return None
-    sides = body.mesh.surface[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    a, b = body.mesh.points[np.unique(np.sort(sides, axis=1), axis=0)].transpose(1, 0, 2)
+    sides = unique_edges(body.mesh.surface[:, [[0, 1], [1, 2], [2, 0]]])
+    a, b = body.mesh.points[sides.T]
     least = THINNEST * float(np.median(np.linalg.norm(b - a, axis=1)))
     if body.thickness >= least:
         return None

@@ -105,7 +105,7 @@ class Touching:
         bodies = len(self.touchers) + len(self.owners)
         self.room = (PAIRS_A_POINT * points, PAIRS_A_POINT * edges)
         of_points, of_faces, of_edges = (len(each) for each in self._patches)
-        self.width = max(points, edges) + SIZE + 1
+        self.width = max(points, edges) + SIZE  # and a patch's points that are near one triangle
         needs = {
             "points": points + 1,
             "nodes": self.system.count,
