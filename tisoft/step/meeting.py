@@ -3,8 +3,9 @@
 
     v* = v + h a  |  rows of the pairs that may touch  |  sweeps: v = v* + M⁻¹ Jᵀ λ  |  x += h v
 
-Where no pair is listed this is the plain pass over the nodes, which also looks how far points have
-gone; before the substep in which one may leave its list's reach, lists are made anew.
+Pairs are listed anew in the substep, after its kicks, in which a point would leave its list's
+reach.  Where no pair is listed this is the plain pass over the nodes, which looks ahead by a
+substep instead.
 """
 
 from typing import Any
@@ -23,16 +24,18 @@ from tisoft.touch.lists import search
 from tisoft.touch.rows import find_depths, find_rows
 from tisoft.touch.sweeps import sweep
 
-SAFE = 0.95
+SAFE = 0.98
 """Share of the allowed way after which lists are made anew."""
 
 
 @ti.func
 def place(s: ti.template(), i, p, v):
-    """Tell contact where node i, its point p, is and how fast [m/s].  Reads rest, displacement."""
+    """Tell contact where node i, its point p, is and how fast, without contact by the substep's end
+    v [m/s].  Reads rest, displacement, velocity.
+    """
     bits = s.state.fixed[i]
     s.surfaces.place[p] = s.state.rest[i] + s.state.displacement[i]
-    s.surfaces.velocity[p], s.surfaces.kicked[p] = v, v
+    s.surfaces.velocity[p], s.surfaces.kicked[p] = s.state.velocity[i], v
     s.surfaces.held[p] = bits
     s.surfaces.inverse_mass[p] = 0.0 if bits == 7 else s.state.inverse_mass[i]
     s.surfaces.met[p] = 0
@@ -57,27 +60,6 @@ def stand_all(s: ti.template(), q, t, threads):
     low, high = s.surfaces.order[q, f.STANDING], s.surfaces.order[q, f.POINT_END]
     for p in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
         stand(s, p)
-
-
-@ti.func
-def carried_by(s: ti.template(), p):
-    """Work [J] from outside on point p, along normals and by friction: an impulse times the
-    velocity of an obstacle's surface, −|w| P·(Σ w_k v_k) over its points of the row; and times that
-    with which what is inside another one is pushed out.
-    """
-    work = ti.Vector([0.0 * s.surfaces.weight[p], 0.0 * s.surfaces.weight[p]])
-    for k in range(s.surfaces.slot_start[p], s.surfaces.live_end[p]):
-        c = s.surfaces.live[k >> 2, k & 3]
-        row = c >> 2
-        v, out = s.surfaces.drift[row], s.surfaces.outside[row]
-        for e in range(4):
-            other = s.surfaces.corner[row, e]
-            if s.surfaces.trait[s.surfaces.body[other], f.OBSTACLE]:
-                v += s.surfaces.share[row, e] * s.surfaces.velocity[other]
-        part = ti.abs(s.surfaces.share[row, c & 3])
-        work[0] += part * s.surfaces.impulse[row] * (out - v.dot(s.surfaces.normal[row]))
-        work[1] -= part * v.dot(s.surfaces.grip[row])
-    return work
 
 
 @ti.func
@@ -121,7 +103,7 @@ def finish(s: ti.template(), i, row, n, is_met, is_easing, now):
                 rubbed = s.surfaces.rubbed[p] * s.state.inverse_mass[i]
                 if ti.static(s.ledger):
                     if ti.static(s.contact) or is_easing:
-                        ledger.note_carried(s.state, i, carried_by(s, p))
+                        ledger.note_carried(s.state, i, s.surfaces.carried[p])
     else:
         a, elements = without_contact(s, i, row, now)
     move(s, i, a, elements, now, pushed, rubbed)
@@ -129,7 +111,9 @@ def finish(s: ti.template(), i, row, n, is_met, is_easing, now):
 
 @ti.func
 def left(s: ti.template(), i, p, h):
-    """How far node i may have gone by the end of the next substep, as a share of what it may."""
+    """How far node i may have gone by the end of the next substep, in which it may become twice as
+    fast, as a share of what it may.
+    """
     way = (s.state.rest[i] + s.state.displacement[i] - s.surfaces.listed[p]).norm()
     way += 2.0 * h * s.state.velocity[i].norm()
     return way / s.surfaces.allowed[p]
@@ -137,20 +121,24 @@ def left(s: ti.template(), i, p, h):
 
 @ti.func
 def note_gone(s: ti.template(), p, h):
-    """Write, and return, how far point p of a body will have gone since the search without
-    contact [m]; 0 where no other body is near.
+    """Write how far point p of a body will have gone since the search without contact [m], 0 where
+    no other body is near; returns that, and how far it may really go, as a share of what it may:
+    what rests is kicked hard, and held.
     """
-    gone = 0.0 * h
-    if s.surfaces.trait[s.surfaces.body[p], f.NEAR]:
-        gone = (s.surfaces.place[p] - s.surfaces.listed[p]).norm() + h * s.surfaces.kicked[p].norm()
+    fast = s.surfaces.kicked[p].norm()
+    gone = (s.surfaces.place[p] - s.surfaces.listed[p]).norm()
+    part = (gone + h * ti.min(fast, 2.0 * s.surfaces.velocity[p].norm())) / s.surfaces.allowed[p]
+    gone += h * fast
+    if s.surfaces.trait[s.surfaces.body[p], f.NEAR] == 0:
+        gone = 0.0 * h
     s.surfaces.gone[p] = gone
-    return gone
+    return ti.Vector([gone, part])
 
 
 @ti.func
 def note_standing(s: ti.template(), q, t, threads, h):
     """The same of thread t's points of obstacles, the most."""
-    most = 0.0 * h
+    most = ti.Vector([0.0 * h, 0.0 * h])
     low, high = s.surfaces.order[q, f.STANDING], s.surfaces.order[q, f.POINT_END]
     for p in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
         most = ti.max(most, note_gone(s, p, h))
@@ -186,21 +174,24 @@ def renew(s: ti.template(), scene, t, threads, phase, now):
 
 
 @ti.func
-def touch_nodes(s: ti.template(), scene, t, threads, phase, now):
-    """Steps 2 to 5 at thread t's nodes; returns the phase that it has come to."""
+def touch_nodes(s: ti.template(), scene, t, threads, phase, now, stale):
+    """Steps 2 to 5 at thread t's nodes; returns the phase that it has come to.
+
+    Args: stale: whether the lists are out of date.
+    """
     low, high = s.state.ranges[scene, 0], s.state.ranges[scene, 1]
     first, last = share(low, high, t, threads), share(low, high, t + 1, threads)
     q = s.state.ranges[scene, TOUCH_SCENE]
     thread, base = s.surfaces.order[q, f.THREAD], s.surfaces.order[q, f.NODE] - low
     back = s.state.ranges[scene, 15] - low
-    is_met = s.surfaces.order[q, f.COUNT] > 0 and now.opens
+    is_met = (s.surfaces.order[q, f.COUNT] > 0 or stale) and now.opens
     eases = s.surfaces.length[q, f.LEFT] > 0.0
     moving = s.surfaces.order[q, f.MOVING]
     if ti.static(s.contact):
-        if moving:
+        if moving or stale:
             stand_all(s, q, t, threads)
     if is_met:
-        gone = 0.0 * now.h
+        gone = ti.Vector([0.0 * now.h, 0.0 * now.h])
         if ti.static(s.contact):
             if moving:
                 gone = note_standing(s, q, t, threads, now.h)
@@ -209,16 +200,18 @@ def touch_nodes(s: ti.template(), scene, t, threads, phase, now):
             p = s.surfaces.point[i + base]
             if p >= 0:
                 gone = ti.max(gone, note_gone(s, p, now.h))
-        s.surfaces.most[thread + t, f.GONE] = gone
+        s.surfaces.most[thread + t, f.GONE] = gone[0]
+        s.surfaces.most[thread + t, f.STALE] = gone[1]
         phase += 1
         meet(s, scene, phase, threads)
+        if stale or is_stale(s, scene, threads):
+            phase = search(s, scene, q, t, threads, phase, now)
         rows = 0
         for k in range(2 if eases else 1):
             if k == 1:
                 phase += 1
                 meet(s, scene, phase, threads)
             rows = find_rows(s.surfaces, q, t, threads, eases and k == 0, eases, now.h)
-        # A column that no sweep writes: the first thread's may begin before others have read it.
         s.surfaces.most[thread + t, f.FOUND] = rows
         phase += 1
         meet(s, scene, phase, threads)
@@ -229,19 +222,18 @@ def touch_nodes(s: ti.template(), scene, t, threads, phase, now):
         for k in range(threads):
             rows += ti.cast(s.surfaces.most[thread + k, f.FOUND], ti.i32)
         if rows > 0:
-            if t == 0:
-                s.surfaces.order[q, f.ROWS] = s.surfaces.order[q, f.ROWS] + rows
-            phase = sweep(s, scene, q, t, threads, rows, phase, now)
-    share_gone = 0.0 * now.h
+            phase = sweep(s, scene, q, t, threads, phase, eases, now)
+    part = 0.0 * now.h
+    ahead = s.surfaces.order[q, f.COUNT] == 0
     for i in range(first, last):
         finish(s, i, i + back, i + base, is_met, eases, now)
         p = s.surfaces.point[i + base]
-        if p >= 0:
-            share_gone = ti.max(share_gone, left(s, i, p, now.h))
+        if p >= 0 and ahead:
+            part = ti.max(part, left(s, i, p, now.h))
     if ti.static(s.contact):
-        if moving:
-            share_gone = ti.max(share_gone, left_standing(s, q, t, threads, now.h))
-    s.surfaces.most[thread + t, f.STALE] = share_gone
+        if moving and ahead:
+            part = ti.max(part, left_standing(s, q, t, threads, now.h))
+    s.surfaces.most[thread + t, f.STALE] = part
     return phase
 
 

@@ -27,7 +27,7 @@ from tisoft.model.state import (
 )
 from tisoft.model.threads import SLICE, meet, share
 from tisoft.step import consistent_mass, driving, external, forces, means, record, touch
-from tisoft.step.meeting import is_stale, renew, touch_nodes
+from tisoft.step.meeting import is_stale, touch_nodes
 from tisoft.step.substep import begin_solve, move_solved, node, now_of
 from tisoft.touch.fields import BUILT
 
@@ -89,9 +89,6 @@ def walk(s: ti.template(), scene, t, threads):
         stale = s.surfaces.order[s.state.ranges[scene, TOUCH_SCENE], BUILT] != threads
     while number < end:
         now = now_of(s, scene, number % passes, passes)
-        if ti.static(s.meets):
-            if task == MOVE and stale:
-                phase = renew(s, scene, t, threads, phase, now)
         if task == MOVE and number % passes == 0:
             for i in range(first, last):
                 record.save(s.state, i)
@@ -113,7 +110,7 @@ def walk(s: ti.template(), scene, t, threads):
             if ti.static(s.consistent):
                 phase = solve(s, scene, t, threads, phase, now)
             if ti.static(s.meets):
-                phase = touch_nodes(s, scene, t, threads, phase, now)
+                phase = touch_nodes(s, scene, t, threads, phase, now, stale)
             elif ti.static(not s.consistent):
                 for i in range(first, last):
                     node(s, i, now)
@@ -133,7 +130,7 @@ def walk(s: ti.template(), scene, t, threads):
                 meet(s, scene, phase, threads)
         if ti.static(s.meets):
             if task == MOVE:
-                stale = is_stale(s, scene, threads)
+                stale = is_stale(s, scene, threads) or (stale and not now.opens)
         number += 1
         if task != PUSH and number % passes == 0:
             record.sum_up(s, scene, t, threads)

@@ -17,10 +17,11 @@ A = ti.types.ndarray()
 
 (POINT, POINT_END, TRIANGLE, TRIANGLE_END, EDGE, EDGE_END, BODY, BODY_END, PAIR, FACE_ROOM,
  EDGE_ROOM, POINT_PATCH, FACE_PATCH, EDGE_PATCH, PATCH_END, NODE, COUPLE, CANDIDATE, WIDTH, THREAD,
- COUNT, BUILT, BUILDS, FULL, SWEEPS, ROWS, STANDING, CORES, MOVING, ORDERS) = range(30)  # fmt: skip
+ COUNT, BUILT, BUILDS, FULL, SWEEPS, ROWS, STANDING, CORES, MOVING, ISLANDS,
+ ORDERS) = range(31)  # fmt: skip
 """Columns of `Touch.order`: where a scene's rows begin and end; candidates found; threads of the
 last search, 0 where it is out of date; searches; whether candidates found no room; sweeps and rows
-so far; first point and first core of obstacles, and whether those move.  Patches are of points, of
+so far; first point and first core of obstacles, and whether those move; islands now.  Patches are of points, of
 triangles, of edges; each thread has WIDTH rows of `candidate`."""
 LEAST, MOST, THICK, LONGEST, SHRUNK, TOLERANCE, SUNK, LEFT, RATE, LENGTHS = range(10)
 """Columns of `Touch.length` [m]: least and most margin, largest thickness, bodies' longest edge,
@@ -122,14 +123,16 @@ class Touch:
         """Impulse of contact on it [N s], along normals."""
         self.rubbed = field(vec3, "points")
         """Impulse of friction on it [N s]."""
+        self.carried = field(ti.types.vector(2, real), "points")
+        """Work from outside on it [J], along normals and by friction."""
+        self.root = field(ti.i32, "points")
+        """Another point of its island, or itself; −1 once its island is solved."""
+        self.number_of = field(ti.i32, "points")
+        """Of a root: number of its island, −1 where it has none yet."""
         self.slot_start = field(ti.i32, "points")
-        """Where its rows of `slot`, and of `live`, begin."""
-        self.live_end = field(ti.i32, "points")
-        """Where its rows of `live` end."""
+        """Where its rows of `slot` begin."""
         self.fan_start = field(ti.i32, "points")
         """Where its rows of `fan` begin."""
-        self.touched = field(ti.i32, "points")
-        """Each thread's points that are part of rows."""
 
         self.triangle = field(ti.i32, "triangles", 3)
         """Points, counter-clockwise from outside."""
@@ -152,14 +155,10 @@ class Touch:
         """At the last search [m]."""
         self.side = field(ti.i32, "pairs")
         """Of a sheet: where the point was last seen, 1 or −1; 0 where not yet."""
-        self.near = field(ti.i32, "pairs")
-        """1 + its row in the present substep, 0 for none."""
         self.behind = field(real, "pairs")
         """How deep it is [m], −1e30 where it does not count; known while bodies are pushed out."""
         self.slot = field(ti.i32, "pairs", 4)
-        """4 pair + corner, by point; four to a row."""
-        self.live = field(ti.i32, "pairs", 4)
-        """4 row + corner: those of `slot` that have rows."""
+        """4 pair + corner, by point; four to a row; known while bodies are pushed out."""
 
         # Rows of the present substep, each thread's one after the other.
         self.corner = field(ti.i32, "pairs", 4)
@@ -182,6 +181,12 @@ class Touch:
         """Velocity [m/s] of an obstacle's surface beyond that of its points, turned round."""
         self.rough = field(real, "pairs")
         """μ."""
+        self.island = field(ti.i32, "pairs")
+        """Of a row: the row of its island."""
+        self.island_end = field(ti.i32, "pairs")
+        """Where an island's rows of `queue` end; islands stand one after the other."""
+        self.queue = field(ti.i32, "pairs")
+        """Rows by islands."""
 
         self.patch = field(ti.i32, "patches", 3)
         self.patch_low = field(vec3, "patches")
@@ -224,9 +229,9 @@ class Touch:
     def bytes_of(structure: str, rows: dict[str, int]) -> int:
         """Memory that the fields take [bytes]."""
         real = 8 if structure == "f64" else 4
-        points = rows["points"] * (29 * real + 28) + rows["nodes"] * (6 * real + 4)
+        points = rows["points"] * (31 * real + 28) + rows["nodes"] * (6 * real + 4)
         return points + rows["triangles"] * 28 + rows["fans"] * 8 + rows["edges"] * 16 + (
-            rows["pairs"] * (20 * real + 80) + rows["patches"] * (8 * real + 16)
+            rows["pairs"] * (20 * real + 72) + rows["patches"] * (8 * real + 16)
         )  # fmt: skip
 
     def destroy(self) -> None:

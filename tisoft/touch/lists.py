@@ -59,6 +59,7 @@ def insert(touch: ti.template(), n, begun, ends, item, d):
     for k in ti.static(range(2)):
         touch.item[z, k] = item[k]
     touch.distance[z] = d
+    touch.side[n] = 0
 
 
 @ti.func
@@ -79,6 +80,7 @@ def pair_faces(touch: ti.template(), q, i, rows, n, stop):
     lo, hi, begun = ti.min(a, b, c), ti.max(a, b, c), n
     middle = 0.5 * (lo + hi)
     size = ti.max((a - middle).norm(), (b - middle).norm(), (c - middle).norm())
+    across = (b - a).cross(c - a).normalized(1e-30)
     row, spare = rows[0], rows[1]
     while row < rows[1]:  # patch by patch
         end, k, reach = touch.group[row, 0], touch.group[row, 1], touch.reach[row]
@@ -87,8 +89,10 @@ def pair_faces(touch: ti.template(), q, i, rows, n, stop):
             found, most = spare, (reach + size) ** 2
             for z in range(row, end):  # without branches, which would often be guessed wrong
                 p = touch.candidate[z]
+                way = touch.seen[p] - middle
                 touch.candidate[found] = p
-                found += ti.cast((touch.seen[p] - middle).norm_sqr() < most, ti.i32)
+                is_near = (way.norm_sqr() < most) & (ti.abs((touch.seen[p] - a).dot(across)) < reach)
+                found += ti.cast(is_near, ti.i32)
             for z in range(spare, found):
                 p = touch.candidate[z]
                 if p != ids[0] and p != ids[1] and p != ids[2]:
@@ -240,19 +244,25 @@ def find_edges(touch: ti.template(), q, t, threads):
 
 
 @ti.func
+def count_pairs(touch: ti.template(), q, threads):
+    """How many have been listed."""
+    count, thread = 0, touch.order[q, f.THREAD]
+    for kind in range(2):
+        for t in range(thread, thread + threads):
+            count += touch.segment[t, 2 * kind + 1] - touch.segment[t, 2 * kind]
+    return count
+
+
+@ti.func
 def fill_slots(touch: ti.template(), q, threads):
-    """The pairs and corners that each point is, in the order of the pairs; returns how many."""
+    """The pairs and corners that each point is, in the order of the pairs."""
     low, high = touch.order[q, f.POINT], touch.order[q, f.POINT_END]
     thread = touch.order[q, f.THREAD]
     for p in range(low, high + 1):
         touch.slot_start[p] = 0
-    count = 0
     for kind in range(2):
         for t in range(thread, thread + threads):
             for z in range(touch.segment[t, 2 * kind], touch.segment[t, 2 * kind + 1]):
-                count += 1
-                touch.side[z] = 0
-                touch.near[z] = 0
                 for k in range(4):
                     p = touch.ends[z, k] + 1
                     touch.slot_start[p] = touch.slot_start[p] + 1
@@ -271,7 +281,6 @@ def fill_slots(touch: ti.template(), q, threads):
         p = high - z
         touch.slot_start[p] = touch.slot_start[p - 1]
     touch.slot_start[low] = 4 * touch.order[q, f.PAIR]
-    return count
 
 
 @ti.func
@@ -295,7 +304,7 @@ def search(s: ti.template(), scene, q, t, threads, phase, now):
             touch.length[q, f.SHRUNK] = shrunk
         phase += 1
         meet(s, scene, phase, threads)
-        touch.most[own + t, f.WORST] = neighbours(touch, q, t, threads)
+        touch.most[own + t, f.WORST] = neighbours(touch, q, t, threads, now.h)
         touch.most[own + t, f.BLOWN] = 0.0
         phase += 1
         meet(s, scene, phase, threads)
@@ -318,7 +327,9 @@ def search(s: ti.template(), scene, q, t, threads, phase, now):
         if t == 0 and again == 0:
             touch.order[q, f.COUNT] = 0
             if is_near and not blown:
-                touch.order[q, f.COUNT] = fill_slots(touch, q, threads)
+                touch.order[q, f.COUNT] = count_pairs(touch, q, threads)
+                if touch.length[q, f.SUNK] > 0.0:
+                    fill_slots(touch, q, threads)
             touch.order[q, f.BUILT] = threads
             touch.order[q, f.BUILDS] = touch.order[q, f.BUILDS] + 1
         phase += 1

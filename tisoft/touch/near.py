@@ -46,7 +46,6 @@ def measure_points(touch: ti.template(), q, t, threads):
             lo, hi = ti.min(lo, x), ti.max(hi, x)
             fast = ti.max(fast, touch.velocity[p].norm_sqr())
             touch.listed[p] = touch.place[p]
-            touch.gone[p] = 0.0
         touch.patch_low[k], touch.patch_high[k], touch.patch_speed[k] = lo, hi, ti.sqrt(fast)
 
 
@@ -115,12 +114,12 @@ def reach_of(touch: ti.template(), q, b, c, ahead):
 
 
 @ti.func
-def neighbours(touch: ti.template(), q, t, threads):
-    """Which bodies thread t's are near, and how far their points may go; returns how many are
-    near.
+def neighbours(touch: ti.template(), q, t, threads, h):
+    """Which bodies thread t's are near, how far their points may go, and will have gone by the end
+    of the substep h [s]; returns how many are near.
     """
     low, high = touch.order[q, f.BODY], touch.order[q, f.BODY_END]
-    total = 0
+    total, gone = 0, 0.0 * h
     for b in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
         free = ti.cast(1e30, touch.real)
         row, n = couple_of(touch, q, b, low), 0
@@ -137,7 +136,10 @@ def neighbours(touch: ti.template(), q, t, threads):
         shrunk, free = ti.cast(touch.length[q, f.SHRUNK], touch.real), ti.max(free, 0.0 * free)
         for p in range(touch.trait[b, f.FIRST], touch.trait[b, f.LAST]):
             touch.allowed[p] = shrunk * touch.ahead[p] + 0.5 * free
+            touch.gone[p] = h * touch.kicked[p].norm() if n > 0 else 0.0
+            gone = ti.max(gone, touch.gone[p])
         total += n
+    touch.most[touch.order[q, f.THREAD] + t, f.GONE] = gone
     return total
 
 
@@ -164,11 +166,11 @@ def find_near(touch: ti.template(), q, body, lo, hi, ahead, kind: ti.template(),
                     begun = n
                     for i in range(touch.patch[k, f.BEGIN], touch.patch[k, f.END]):
                         low_i, high_i = box_of(touch, i, kind)
-                        if meets(low, high, low_i, high_i):
-                            touch.candidate[n], touch.reach[n] = i, reach
-                            n += 1
+                        touch.candidate[n] = i
+                        n += is_within(low, high, low_i, high_i)
                     if n > begun:
                         touch.group[begun, 0], touch.group[begun, 1] = n, k
+                        touch.reach[begun] = reach
     return n
 
 
@@ -187,3 +189,12 @@ def box_of(touch: ti.template(), i, kind: ti.template()):
 def meets(lo, hi, low, high):
     """Whether two boxes have a point in common; what is not finite has none."""
     return (lo <= high).all() and (hi >= low).all()
+
+
+@ti.func
+def is_within(lo, hi, low, high):
+    """The same, 1 or 0, without branches: for boxes of which the processor could not guess."""
+    x = (lo[0] <= high[0]) & (hi[0] >= low[0])
+    y = (lo[1] <= high[1]) & (hi[1] >= low[1])
+    z = (lo[2] <= high[2]) & (hi[2] >= low[2])
+    return ti.cast(x & y & z, ti.i32)

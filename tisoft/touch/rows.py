@@ -177,6 +177,7 @@ def write_row(touch: ti.template(), row, w, n, distance, drift, eased, h):
         for k in range(4):
             p = touch.corner[row, k]
             touch.met[p] = 1 - touch.trait[touch.body[p], f.OBSTACLE]
+            touch.root[p], touch.number_of[p] = p, -1
     return near
 
 
@@ -329,7 +330,6 @@ def find_rows(touch: ti.template(), q, t, threads, measures, eases, h):
     for kind in range(2):
         begin, n = touch.segment[own, 2 * kind], 0
         for z in range(begin, touch.segment[own, 2 * kind + 1]):
-            near = 0
             behind = -1e30 + 0.0 * h
             awake = touch.distance[z] < far
             if awake:
@@ -347,12 +347,9 @@ def find_rows(touch: ti.template(), q, t, threads, measures, eases, h):
                     for k in range(4):
                         touch.corner[row, k] = touch.ends[z, k]
                     if write_row(touch, row, w, normal, distance, drift, eased, h):
-                        near = row + 1
                         n += 1
             if measures:
                 touch.behind[z] = behind
-            else:
-                touch.near[z] = near
         touch.segment[own, f.FACES_NEAR + kind] = n
         count += n
     return count

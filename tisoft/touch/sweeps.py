@@ -7,18 +7,18 @@
 
 P bounds the sums of the rows of A = J M⁻¹ Jᵀ, so that a sweep never gains energy where gaps close,
 whatever the step; impulses are equal and opposite by construction.  Splitting the mass of a node
-between contacts: Tonge, Benevolenski and Voroshilov (2012), there by count.  Each thread has its
-own pairs and points, and sums have one order: no atomics on data, the same bits.
+between contacts: Tonge, Benevolenski and Voroshilov (2012), there by count.  Each island is swept
+by one thread until it has converged, and its sums have the order of its rows: no atomics, the same
+bits with any number of threads.
 """
 
 import taichi as ti
 
 from tisoft.model.threads import meet, share
 from tisoft.touch import fields as f
+from tisoft.touch.islands import find_islands
 
 LEAST_SWEEPS, MOST_SWEEPS = 4, 16
-ALONE = 400
-"""Rows below which one thread solves for them sooner than several that meet twice a sweep."""
 LEVER = 0.1
 """Share of a row that its free points must have: with less, where the others are held, they would
 be thrown to move it at all.
@@ -26,26 +26,22 @@ be thrown to move it at all.
 
 
 @ti.func
-def weigh(touch: ti.template(), q, t, threads):
-    """S and rows of thread t's points, which it lists; returns how many."""
-    low, high = touch.order[q, f.POINT], touch.order[q, f.POINT_END]
-    begin = share(low, high, t, threads)
-    n = 0
-    for p in range(begin, share(low, high, t + 1, threads)):
-        touch.weight[p] = 0.0
+def weigh(touch: ti.template(), row, last):
+    """Add a row to S of its points; those that are new go to row `last` of `candidate` and on.
+    Returns the next.
+    """
+    for k in range(4):
+        p = touch.corner[row, k]
         if touch.met[p]:
-            total, end = 0.0 * touch.weight[p], touch.slot_start[p]
-            for k in range(touch.slot_start[p], touch.slot_start[p + 1]):
-                c = touch.slot[k >> 2, k & 3]
-                row = touch.near[c >> 2] - 1
-                if row >= 0:
-                    total += ti.abs(touch.share[row, c & 3])
-                    touch.live[end >> 2, end & 3] = 4 * row + (c & 3)
-                    end += 1
-            touch.weight[p], touch.live_end[p] = total, end
-            touch.touched[begin + n] = p
-            n += 1
-    return n
+            if touch.root[p] >= 0:
+                touch.root[p] = -1
+                touch.weight[p] = 0.0
+                touch.carried[p] = ti.Vector([0.0, 0.0])
+                touch.velocity[p] = touch.kicked[p]
+                touch.candidate[last] = p
+                last += 1
+            touch.weight[p] = touch.weight[p] + ti.abs(touch.share[row, k])
+    return last
 
 
 @ti.func
@@ -64,7 +60,9 @@ def soften(touch: ti.template(), row):
 
 @ti.func
 def push(touch: ti.template(), row):
-    """One sweep of a row; returns how far it was from its target [m/s]."""
+    """One sweep of a row, whose impulses are added to those on its points; returns how far it was
+    from its target [m/s].
+    """
     n, mass = touch.normal[row], touch.mass[row]
     rate = touch.drift[row]
     for k in range(4):
@@ -81,20 +79,18 @@ def push(touch: ti.template(), row):
         if size > most:
             grip *= most / size
         touch.grip[row] = grip
+        for k in range(4):
+            p, w = touch.corner[row, k], touch.share[row, k]
+            if touch.met[p]:
+                touch.pushed[p] = touch.pushed[p] + w * impulse * n
+                touch.rubbed[p] = touch.rubbed[p] + w * grip
     return short
 
 
 @ti.func
-def gather(touch: ti.template(), p):
-    """Impulses of all rows on point p, and its velocity."""
-    pushed, rubbed = 0.0 * touch.velocity[p], 0.0 * touch.velocity[p]
-    for k in range(touch.slot_start[p], touch.live_end[p]):
-        c = touch.live[k >> 2, k & 3]
-        w = touch.share[c >> 2, c & 3]
-        pushed += w * touch.impulse[c >> 2] * touch.normal[c >> 2]
-        rubbed += w * touch.grip[c >> 2]
-    touch.pushed[p], touch.rubbed[p] = pushed, rubbed
-    jump = (pushed + rubbed) * touch.inverse_mass[p]
+def answer(touch: ti.template(), p):
+    """Velocity of point p with the impulses on it."""
+    jump = (touch.pushed[p] + touch.rubbed[p]) * touch.inverse_mass[p]
     for d in ti.static(range(3)):
         if touch.held[p] & (1 << d):
             jump[d] = 0.0
@@ -102,63 +98,90 @@ def gather(touch: ti.template(), p):
 
 
 @ti.func
-def sweep(s: ti.template(), scene, q, t, threads, rows, phase, now):
-    """Solve for the impulses of all `rows` rows; returns the phase that it has come to.  The first
-    thread sees to few of them alone: it would wait for others longer than they help.
+def carry(touch: ti.template(), row):
+    """Add work [J] from outside to that on a row's points, along normals and by friction: an
+    impulse times the velocity of an obstacle's surface, −|w| P·(Σ w_k v_k) over its points; and
+    times that with which what is inside another one is pushed out.
     """
-    begun, crew, own = phase, threads, t
-    if rows < ALONE:
-        crew, own = 1, 0
-    if t == own:
-        phase = solve(s, scene, q, ti.Vector([own, crew, threads]), phase, now)
-    if crew < threads:
-        phase = begun + 1
-        meet(s, scene, phase, threads)
-    return phase
+    v = touch.drift[row]
+    for k in range(4):
+        p = touch.corner[row, k]
+        if touch.trait[touch.body[p], f.OBSTACLE]:
+            v += touch.share[row, k] * touch.velocity[p]
+    pressed = touch.impulse[row] * (touch.outside[row] - v.dot(touch.normal[row]))
+    work = ti.Vector([pressed, -v.dot(touch.grip[row])])
+    for k in range(4):
+        p = touch.corner[row, k]
+        if touch.met[p]:
+            touch.carried[p] = touch.carried[p] + ti.abs(touch.share[row, k]) * work
 
 
 @ti.func
-def solve(s: ti.template(), scene, q, hands, phase, now):
-    """The same by some threads.
+def solve(s: ti.template(), q, rows, first, eases, now):
+    """Sweep an island; returns how often.
 
-    Args: hands: number of this one, how many there are, and how many have rows.
+    Args:
+        rows: of `queue`, first and last.
+        first: row of `candidate` from which on its points go.
+        eases: whether bodies are pushed out of each other.
     """
     touch = s.surfaces
-    own, crew = hands[0], hands[1]
-    low, high = own, own + 1
-    if crew == 1:
-        high = hands[2]
-    count = weigh(touch, q, own, crew)
-    thread = touch.order[q, f.THREAD]
-    begin = share(touch.order[q, f.POINT], touch.order[q, f.POINT_END], own, crew)
-    phase += 1
-    meet(s, scene, phase, crew)
+    last = first
+    for z in range(rows[0], rows[1]):
+        last = weigh(touch, touch.queue[z], last)
+    for z in range(rows[0], rows[1]):
+        soften(touch, touch.queue[z])
     tolerance = ti.cast(touch.length[q, f.TOLERANCE], touch.real) / now.h
-    for k in range(thread + low, thread + high):
-        for kind in range(2):
-            first = touch.segment[k, 2 * kind]
-            for row in range(first, first + touch.segment[k, f.FACES_NEAR + kind]):
-                soften(touch, row)
-    number = 0
-    while number < MOST_SWEEPS:
+    number, done = 0, 0
+    while done == 0:
         worst = 0.0 * tolerance
-        for k in range(thread + low, thread + high):
-            for kind in range(2):
-                first = touch.segment[k, 2 * kind]
-                for row in range(first, first + touch.segment[k, f.FACES_NEAR + kind]):
-                    worst = ti.max(worst, push(touch, row))
-        touch.most[thread + own, f.WORST] = worst
-        phase += 1
-        meet(s, scene, phase, crew)
-        for k in range(crew):
-            worst = ti.max(worst, touch.most[thread + k, f.WORST])
-        for k in range(begin, begin + count):
-            gather(touch, touch.touched[k])
-        phase += 1
-        meet(s, scene, phase, crew)
+        for z in range(first, last):
+            p = touch.candidate[z]
+            touch.pushed[p] = ti.Vector([0.0, 0.0, 0.0])
+            touch.rubbed[p] = ti.Vector([0.0, 0.0, 0.0])
+        for z in range(rows[0], rows[1]):
+            worst = ti.max(worst, push(touch, touch.queue[z]))
+        for z in range(first, last):
+            answer(touch, touch.candidate[z])
         number += 1
-        if own == 0:
-            touch.order[q, f.SWEEPS] = touch.order[q, f.SWEEPS] + 1
-        if number >= LEAST_SWEEPS and worst < tolerance:
-            number = MOST_SWEEPS
+        if number == MOST_SWEEPS or (number >= LEAST_SWEEPS and worst < tolerance):
+            done = 1
+    if ti.static(s.ledger):
+        if ti.static(s.contact) or eases:
+            for z in range(rows[0], rows[1]):
+                carry(touch, touch.queue[z])
+    return number
+
+
+@ti.func
+def sweep(s: ti.template(), scene, q, t, threads, phase, eases, now):
+    """Solve for the impulses of all rows; returns the phase that it has come to.
+
+    Args: eases: whether bodies are pushed out of each other.
+    """
+    touch = s.surfaces
+    if t == 0:
+        find_islands(touch, q, threads)
+    phase += 1
+    meet(s, scene, phase, threads)
+    base, count = touch.order[q, f.PAIR], touch.order[q, f.ISLANDS]
+    rows = touch.island_end[base + count - 1] - base
+    begin, end = base + share(0, rows, t, threads), base + share(0, rows, t + 1, threads)
+    first = touch.order[q, f.CANDIDATE] + t * touch.order[q, f.WIDTH]
+    start, most = base, 0
+    for island in range(base, base + count):
+        stop = touch.island_end[island]
+        if begin <= start and start < end:
+            most = ti.max(most, solve(s, q, ti.Vector([start, stop]), first, eases, now))
+        start = stop
+    touch.most[touch.order[q, f.THREAD] + t, f.WORST] = most
+    phase += 1
+    meet(s, scene, phase, threads)
+    if t == 0:
+        sweeps = ti.cast(most, ti.i32)
+        for k in range(1, threads):
+            other = touch.most[touch.order[q, f.THREAD] + k, f.WORST]
+            sweeps = ti.max(sweeps, ti.cast(other, ti.i32))
+        touch.order[q, f.ROWS] = touch.order[q, f.ROWS] + rows
+        touch.order[q, f.SWEEPS] = touch.order[q, f.SWEEPS] + sweeps
     return phase
