@@ -119,6 +119,8 @@ class Touch:
         """S = Σ |w| over the rows that it is part of."""
         self.met = field(ti.i32, "points")
         """Whether it is part of a row."""
+        self.thrust = field(vec3, "points")
+        """Impulse of contact on it [N s], in sweeps."""
         self.pushed = field(vec3, "points")
         """Impulse of contact on it [N s], along normals."""
         self.rubbed = field(vec3, "points")
@@ -165,22 +167,27 @@ class Touch:
         """Its points."""
         self.share = field(real, "pairs", 4)
         """w."""
-        self.normal = field(vec3, "pairs")
+        self.normal = vec3.field()
         """n."""
-        self.target = field(real, "pairs")
+        self.target = ti.field(real)
         """[m/s]."""
-        self.mass = field(real, "pairs")
+        self.mass = ti.field(real)
         """1/P [kg], 0 where its points are held."""
-        self.outside = field(real, "pairs")
-        """The share of it whose work is from outside [m/s]."""
-        self.impulse = field(real, "pairs")
+        self.impulse = ti.field(real)
         """λ [N s]."""
-        self.grip = field(vec3, "pairs")
+        self.grip = vec3.field()
         """λ_t [N s]."""
-        self.drift = field(vec3, "pairs")
+        self.drift = vec3.field()
         """Velocity [m/s] of an obstacle's surface beyond that of its points, turned round."""
-        self.rough = field(real, "pairs")
+        self.rough = ti.field(real)
         """μ."""
+        self.outside = ti.field(real)
+        """The share of `target` whose work is from outside [m/s]."""
+        # What a sweep reads of a row stands side by side.
+        builder.dense(ti.i, rows["pairs"]).place(
+            self.normal, self.target, self.mass, self.impulse, self.grip, self.drift, self.rough,
+            self.outside,
+        )  # fmt: skip
         self.island = field(ti.i32, "pairs")
         """Of a row: the row of its island."""
         self.island_end = field(ti.i32, "pairs")
@@ -229,7 +236,7 @@ class Touch:
     def bytes_of(structure: str, rows: dict[str, int]) -> int:
         """Memory that the fields take [bytes]."""
         real = 8 if structure == "f64" else 4
-        points = rows["points"] * (31 * real + 28) + rows["nodes"] * (6 * real + 4)
+        points = rows["points"] * (34 * real + 28) + rows["nodes"] * (6 * real + 4)
         return points + rows["triangles"] * 28 + rows["fans"] * 8 + rows["edges"] * 16 + (
             rows["pairs"] * (20 * real + 72) + rows["patches"] * (8 * real + 16)
         )  # fmt: skip

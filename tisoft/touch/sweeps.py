@@ -36,6 +36,8 @@ def weigh(touch: ti.template(), row, last):
             if touch.root[p] >= 0:
                 touch.root[p] = -1
                 touch.weight[p] = 0.0
+                touch.pushed[p] = ti.Vector([0.0, 0.0, 0.0])
+                touch.rubbed[p] = ti.Vector([0.0, 0.0, 0.0])
                 touch.carried[p] = ti.Vector([0.0, 0.0])
                 touch.velocity[p] = touch.kicked[p]
                 touch.candidate[last] = p
@@ -75,26 +77,37 @@ def push(touch: ti.template(), row):
         touch.impulse[row] = impulse
         most = touch.rough[row] * impulse
         grip = touch.grip[row] - (rate - along * n) * mass
-        size = grip.norm()
-        if size > most:
-            grip *= most / size
+        square = grip.norm_sqr()
+        if square > most * most:
+            grip *= most / ti.sqrt(square)
         touch.grip[row] = grip
-        for k in range(4):
-            p, w = touch.corner[row, k], touch.share[row, k]
-            if touch.met[p]:
-                touch.pushed[p] = touch.pushed[p] + w * impulse * n
-                touch.rubbed[p] = touch.rubbed[p] + w * grip
+        if impulse > 0.0:
+            total = impulse * n + grip
+            for k in range(4):
+                p = touch.corner[row, k]
+                if touch.met[p]:
+                    touch.thrust[p] = touch.thrust[p] + touch.share[row, k] * total
     return short
 
 
 @ti.func
 def answer(touch: ti.template(), p):
     """Velocity of point p with the impulses on it."""
-    jump = (touch.pushed[p] + touch.rubbed[p]) * touch.inverse_mass[p]
+    jump = touch.thrust[p] * touch.inverse_mass[p]
     for d in ti.static(range(3)):
         if touch.held[p] & (1 << d):
             jump[d] = 0.0
     touch.velocity[p] = touch.kicked[p] + jump
+
+
+@ti.func
+def part(touch: ti.template(), row):
+    """Add the impulses of a row to those on its points, along normals and by friction apart."""
+    for k in range(4):
+        p, w = touch.corner[row, k], touch.share[row, k]
+        if touch.met[p]:
+            touch.pushed[p] = touch.pushed[p] + w * touch.impulse[row] * touch.normal[row]
+            touch.rubbed[p] = touch.rubbed[p] + w * touch.grip[row]
 
 
 @ti.func
@@ -137,8 +150,7 @@ def solve(s: ti.template(), q, rows, first, eases, now):
         worst = 0.0 * tolerance
         for z in range(first, last):
             p = touch.candidate[z]
-            touch.pushed[p] = ti.Vector([0.0, 0.0, 0.0])
-            touch.rubbed[p] = ti.Vector([0.0, 0.0, 0.0])
+            touch.thrust[p] = ti.Vector([0.0, 0.0, 0.0])
         for z in range(rows[0], rows[1]):
             worst = ti.max(worst, push(touch, touch.queue[z]))
         for z in range(first, last):
@@ -146,6 +158,8 @@ def solve(s: ti.template(), q, rows, first, eases, now):
         number += 1
         if number == MOST_SWEEPS or (number >= LEAST_SWEEPS and worst < tolerance):
             done = 1
+    for z in range(rows[0], rows[1]):
+        part(touch, touch.queue[z])
     if ti.static(s.ledger):
         if ti.static(s.contact) or eases:
             for z in range(rows[0], rows[1]):
