@@ -39,10 +39,10 @@ HALF, FRICTION, DEPTH, SHARE, EASE, GROW, AHEAD, NUMBERS = range(8)
 """Columns of `Touch.number`: half the thickness, or a core's radius [m], Coulomb's coefficient,
 depth of push [m], share that it takes of the other's half, most of a penetration that counts, how
 far it reaches beyond its points [m]; the most of its points' `ahead` [m]."""
-(FACE_START, FACE_STOP, EDGE_START, EDGE_STOP, FACES_NEAR, EDGES_NEAR, PATCH_START, PATCH_STOP,
- SEGMENTS) = range(9)  # fmt: skip
-"""Columns of `Touch.segment`: each thread's pairs, how many of them have rows, and its patches of
-triangles."""
+(FACE_START, FACE_STOP, EDGE_START, EDGE_STOP, FACES_NEAR, EDGES_NEAR, FACE_BEGIN, _, EDGE_BEGIN,
+ _, SEGMENTS) = range(11)  # fmt: skip
+"""Columns of `Touch.segment`: each thread's pairs, how many of them have rows, and where its
+patches of triangles and edges begin, and end."""
 WORST, STALE, BLOWN, GONE, FOUND, MOSTS = range(6)
 """Columns of `Touch.most`: each thread's maxima, whether a body has blown up, and rows found."""
 
@@ -204,7 +204,7 @@ class Touch:
         self.patch_ahead = field(real, "patches")
         """The most of its points' [m]."""
         self.patch_work = field(ti.i32, "patches")
-        """Points that its triangles looked at in the last search, and pairs that they made."""
+        """What the last search had to do for it, in tests of two boxes."""
         self.candidate = field(ti.i32, "candidates")
         """Each thread's points, or edges, near a patch of triangles, or edges."""
         self.group = field(ti.i32, "candidates", 2)

@@ -30,6 +30,9 @@ BLOWN = 8.0
 """Times the longest edge at rest: what is larger has blown up, and nothing is listed; others watch
 over that."""
 
+FAR_WORK = 6
+"""Work to look how far a point is from a triangle, in that of a test of two boxes."""
+
 
 @ti.func
 def keep(touch: ti.template(), q, n, begun, stop, ends, item, d):
@@ -71,7 +74,7 @@ def is_later(touch: ti.template(), z, ends, item):
 @ti.func
 def pair_faces(touch: ti.template(), q, i, rows, n, stop):
     """List triangle i's pairs with the points listed by `find_near` from row n on, before row
-    `stop`; returns the next row.
+    `stop`; returns the next row, and the work that it was.
 
     Args: rows: first and last of `candidate`.
     """
@@ -81,8 +84,9 @@ def pair_faces(touch: ti.template(), q, i, rows, n, stop):
     middle = 0.5 * (lo + hi)
     size = ti.max((a - middle).norm(), (b - middle).norm(), (c - middle).norm())
     across = (b - a).cross(c - a).normalized(1e-30)
-    row, spare = rows[0], rows[1]
+    row, spare, work = rows[0], rows[1], 0
     while row < rows[1]:  # patch by patch
+        work += 2
         end, k, reach = touch.group[row, 0], touch.group[row, 1], touch.reach[row]
         low, high = lo - reach, hi + reach
         if meets(low, high, touch.patch_low[k], touch.patch_high[k]):
@@ -93,6 +97,7 @@ def pair_faces(touch: ti.template(), q, i, rows, n, stop):
                 touch.candidate[found] = p
                 is_near = (way.norm_sqr() < most) & (ti.abs((touch.seen[p] - a).dot(across)) < reach)
                 found += ti.cast(is_near, ti.i32)
+            work += (end - row) // 2 + FAR_WORK * (found - spare)
             for z in range(spare, found):
                 p = touch.candidate[z]
                 if p != ids[0] and p != ids[1] and p != ids[2]:
@@ -101,7 +106,7 @@ def pair_faces(touch: ti.template(), q, i, rows, n, stop):
                         ends, d = ti.Vector([p, ids[0], ids[1], ids[2]]), ti.sqrt(square)
                         n = keep(touch, q, n, begun, stop, ends, ti.Vector([i, -1]), d)
         row = end
-    return n
+    return n, work
 
 
 @ti.func
@@ -132,16 +137,18 @@ def pair_cores(touch: ti.template(), q, i, n, stop):
 @ti.func
 def pair_edges(touch: ti.template(), q, i, rows, n, stop):
     """List the pairs of edge i with later ones listed by `find_near` from row n on, before row
-    `stop`; returns the next row.
+    `stop`; returns the next row, and the work that it was.
     """
     a, b = touch.edge[i, 0], touch.edge[i, 1]
     u, v, begun = touch.seen[a], touch.seen[b], n
     lo, hi = ti.min(u, v), ti.max(u, v)
-    row = rows[0]
+    row, work = rows[0], 0
     while row < rows[1]:
+        work += 2
         end, k, reach = touch.group[row, 0], touch.group[row, 1], touch.reach[row]
         low, high = lo - reach, hi + reach
         if touch.patch[k, f.END] > i and meets(low, high, touch.patch_low[k], touch.patch_high[k]):
+            work += 2 * (end - row)
             for z in range(row, end):
                 e = touch.candidate[z]
                 c, d = touch.edge[e, 0], touch.edge[e, 1]
@@ -153,7 +160,7 @@ def pair_edges(touch: ti.template(), q, i, rows, n, stop):
                         ends = ti.Vector([a, b, c, d])
                         n = keep(touch, q, n, begun, stop, ends, ti.Vector([i, e]), far)
         row = end
-    return n
+    return n, work
 
 
 @ti.func
@@ -171,21 +178,21 @@ def face_box(touch: ti.template(), i):
 
 
 @ti.func
-def share_faces(touch: ti.template(), q, t, threads):
-    """Give thread t its patches of triangles, as much work as others have by the last search."""
-    low, high = touch.order[q, f.FACE_PATCH], touch.order[q, f.EDGE_PATCH]
+def share_patches(touch: ti.template(), q, t, threads, kind: ti.template()):
+    """Give thread t its patches of triangles (FACE_PATCH) or edges (EDGE_PATCH), as much work as
+    others have by the last search.
+    """
+    low, high = touch.order[q, kind], touch.order[q, kind + 1]
+    column = ti.static(f.FACE_BEGIN if kind == f.FACE_PATCH else f.EDGE_BEGIN)
     whole = high - low
     for k in range(low, high):
         whole += touch.patch_work[k]
     own, done, k = touch.order[q, f.THREAD] + t, 0, low
-    while k < high and done < share(0, whole, t, threads):
-        done += 1 + touch.patch_work[k]
-        k += 1
-    touch.segment[own, f.PATCH_START] = k
-    while k < high and done < share(0, whole, t + 1, threads):
-        done += 1 + touch.patch_work[k]
-        k += 1
-    touch.segment[own, f.PATCH_STOP] = k
+    for end in range(2):
+        while k < high and done < share(0, whole, t + end, threads):
+            done += 1 + touch.patch_work[k]
+            k += 1
+        touch.segment[own, column + end] = k
 
 
 @ti.func
@@ -196,8 +203,8 @@ def find_faces(touch: ti.template(), q, t, threads):
     n, stop = base + share(0, room, t, threads), base + share(0, room, t + 1, threads)
     row = touch.order[q, f.CANDIDATE] + t * touch.order[q, f.WIDTH]
     touch.segment[own, f.FACE_START] = n
-    for k in range(touch.segment[own, f.PATCH_START], touch.segment[own, f.PATCH_STOP]):
-        body, begun, seen = touch.patch[k, f.OWNER], n, 0
+    for k in range(touch.segment[own, f.FACE_BEGIN], touch.segment[own, f.FACE_BEGIN + 1]):
+        body, work = touch.patch[k, f.OWNER], 0
         if touch.trait[body, f.BARE] == 0 and touch.trait[body, f.NEAR]:
             begin, end = touch.patch[k, f.BEGIN], touch.patch[k, f.END]
             lo, hi = face_box(touch, begin)
@@ -211,14 +218,14 @@ def find_faces(touch: ti.template(), q, t, threads):
                     touch.most[own, f.BLOWN] = 1.0
             last = row
             if touch.most[own, f.BLOWN] == 0.0:
-                last = find_near(touch, q, body, lo, hi, ahead, f.OWN_POINTS, row)
+                last, work = find_near(touch, q, body, lo, hi, ahead, f.OWN_POINTS, row)
             for i in range(begin, end):
                 if touch.trait[body, f.OBSTACLE] == 0:
                     n = pair_cores(touch, q, i, n, stop)
                 if last > row:
-                    n = pair_faces(touch, q, i, ti.Vector([row, last]), n, stop)
-            seen = last - row
-        touch.patch_work[k] = seen + n - begun
+                    n, more = pair_faces(touch, q, i, ti.Vector([row, last]), n, stop)
+                    work += more
+        touch.patch_work[k] = work
     touch.segment[own, f.FACE_STOP] = n
 
 
@@ -227,19 +234,20 @@ def find_edges(touch: ti.template(), q, t, threads):
     """Thread t's pairs of edges; obstacles' ask for none."""
     own = touch.order[q, f.THREAD] + t
     base, room = touch.order[q, f.PAIR] + touch.order[q, f.FACE_ROOM], touch.order[q, f.EDGE_ROOM]
-    low, high = touch.order[q, f.EDGE_PATCH], touch.order[q, f.PATCH_END]
     n, stop = base + share(0, room, t, threads), base + share(0, room, t + 1, threads)
     row = touch.order[q, f.CANDIDATE] + t * touch.order[q, f.WIDTH]
     touch.segment[own, f.EDGE_START] = n
-    for k in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
-        body = touch.patch[k, f.OWNER]
+    for k in range(touch.segment[own, f.EDGE_BEGIN], touch.segment[own, f.EDGE_BEGIN + 1]):
+        body, work = touch.patch[k, f.OWNER], 0
         blown = touch.most[own, f.BLOWN] > 0.0
         if touch.trait[body, f.OBSTACLE] == 0 and touch.trait[body, f.NEAR] and not blown:
             lo, hi, ahead = touch.patch_low[k], touch.patch_high[k], touch.patch_ahead[k]
-            last = find_near(touch, q, body, lo, hi, ahead, f.OWN_EDGES, row)
+            last, work = find_near(touch, q, body, lo, hi, ahead, f.OWN_EDGES, row)
             if last > row:
                 for i in range(touch.patch[k, f.BEGIN], touch.patch[k, f.END]):
-                    n = pair_edges(touch, q, i, ti.Vector([row, last]), n, stop)
+                    n, more = pair_edges(touch, q, i, ti.Vector([row, last]), n, stop)
+                    work += more
+        touch.patch_work[k] = work
     touch.segment[own, f.EDGE_STOP] = n
 
 
@@ -295,7 +303,8 @@ def search(s: ti.template(), scene, q, t, threads, phase, now):
     phase += 1
     meet(s, scene, phase, threads)
     measure_edges(touch, q, t, threads)
-    share_faces(touch, q, t, threads)
+    share_patches(touch, q, t, threads, f.FACE_PATCH)
+    share_patches(touch, q, t, threads, f.EDGE_PATCH)
     shrunk = ti.cast(1.0, touch.real)
     again = 1
     while again:

@@ -146,24 +146,28 @@ def neighbours(touch: ti.template(), q, t, threads, h):
 @ti.func
 def find_near(touch: ti.template(), q, body, lo, hi, ahead, kind: ti.template(), row):
     """List from `row` of `candidate` on which points or edges of near bodies are within their reach
-    of a box of something of `body`, in their order; returns where the list ends.
+    of a box of something of `body`, in their order; returns where the list ends, and the work that
+    it was (`Touch.patch_work`).
 
     Args:
         lo, hi: of the box [m].
         ahead: its share of the margin [m].
         kind: OWN_POINTS or OWN_EDGES.
     """
-    first, n = couple_of(touch, q, body, touch.order[q, f.BODY]), row
+    first, n, work = couple_of(touch, q, body, touch.order[q, f.BODY]), row, 0
     for z in range(first, first + touch.trait[body, f.NEAR]):
         c = touch.partner[z]
         most = reach_of(touch, q, body, c, ahead + touch.number[c, f.AHEAD])
         is_near = meets(lo - most, hi + most, touch.low[c], touch.high[c])
+        work += 1
         if is_near and touch.trait[c, f.ROUND] == 0:
+            work += touch.trait[c, kind + 1] - touch.trait[c, kind]
             for k in range(touch.trait[c, kind], touch.trait[c, kind + 1]):
                 reach = reach_of(touch, q, body, c, ahead + touch.patch_ahead[k])
                 low, high = lo - reach, hi + reach
                 if meets(low, high, touch.patch_low[k], touch.patch_high[k]):
                     begun = n
+                    work += touch.patch[k, f.END] - touch.patch[k, f.BEGIN]
                     for i in range(touch.patch[k, f.BEGIN], touch.patch[k, f.END]):
                         low_i, high_i = box_of(touch, i, kind)
                         touch.candidate[n] = i
@@ -171,7 +175,7 @@ def find_near(touch: ti.template(), q, body, lo, hi, ahead, kind: ti.template(),
                     if n > begun:
                         touch.group[begun, 0], touch.group[begun, 1] = n, k
                         touch.reach[begun] = reach
-    return n
+    return n, work
 
 
 @ti.func
