@@ -9,7 +9,7 @@ import pytest
 import tisoft as ts
 from tisoft.touch import overlap
 from tisoft.touch.crossing import crossings
-from tisoft.touch.fields import FOUND
+from tisoft.touch.fields import FACES_NEAR, FOUND, ISLANDS
 
 SOFT = {"young": 1e5, "poisson": 0.3, "density": 1000.0}
 EDGE = 0.05
@@ -189,8 +189,8 @@ def test_the_same_bits_however_it_is_run(start):
 
 
 def test_what_all_threads_read_no_sweep_writes():
-    """How many rows there are: the first thread solves for few of them at once, and one that read
-    after it, on a busy machine, took another way and waited for ever.
+    """How many rows there are: one that read, on a busy machine, after the first thread had gone on
+    took another way and waited for ever.
     """
     scene = blocks()
     scene.frame_rate = 800.0  # a substep a frame
@@ -312,6 +312,37 @@ def test_a_stack_of_three_rests_and_each_face_carries_what_is_above_it():
     assert np.abs(sim.velocities()).max() < 2e-3
     told = sim.energy()
     assert abs(told["error"]) < 0.01 * told["dissipated"]
+
+
+def test_what_shares_no_point_is_solved_apart():
+    """The faces of a stack are islands: each row is in one, and each point in no other."""
+    sim = simulation(on_slab(3, 0.5, turn=15.0), threads=1)
+    sim.run(0.1)
+    touch, starts = sim.touching.fields, sim.touching.lease.starts
+    count = int(touch.order[sim.touching.scene, ISLANDS])
+    base, segment = starts["pairs"], touch.segment.to_numpy()[starts["threads"]]
+    ends = touch.island_end.to_numpy()[base : base + count] - base
+    queue = touch.queue.to_numpy()[base : base + ends[-1]]
+    rows = [
+        np.arange(segment[2 * kind], segment[2 * kind] + segment[FACES_NEAR + kind])
+        for kind in range(2)
+    ]
+    np.testing.assert_array_equal(np.sort(queue), np.concatenate(rows))
+    corners, free = touch.corner.to_numpy(), touch.met.to_numpy() > 0
+    points = [set(corners[each][free[corners[each]]]) for each in np.split(queue, ends[:-1])]
+    assert count >= 3 and all(points)
+    assert sum(map(len, points)) == len(set().union(*points))
+
+
+def test_what_rests_is_seldom_looked_up_again():
+    """Its points are kicked into each other in every substep, and go nowhere."""
+    sim = simulation(on_slab(3, 0.5, turn=15.0), threads=1)
+    sim.run(1.8)
+    before, substeps = sim.touching.counts(), sim.substeps
+    sim.run(0.1)
+    after = sim.touching.counts()
+    assert after["rows"] - before["rows"] > sim.substeps - substeps > 100
+    assert after["searches"] - before["searches"] <= 2
 
 
 def test_on_a_slope_it_sticks_and_slides_as_coulomb_says():

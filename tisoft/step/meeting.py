@@ -158,19 +158,17 @@ def left_standing(s: ti.template(), q, t, threads, h):
 
 
 @ti.func
-def renew(s: ti.template(), scene, t, threads, phase, now):
-    """List the pairs anew, as thread t of `threads` sees it; returns the phase it has come to."""
+def renew(s: ti.template(), scene, now):
+    """List the pairs anew, on one thread, as the state is between substeps."""
     low, high = s.state.ranges[scene, 0], s.state.ranges[scene, 1]
     q = s.state.ranges[scene, TOUCH_SCENE]
-    for i in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
+    for i in range(low, high):
         p = s.surfaces.point[s.surfaces.order[q, f.NODE] + i - low]
         if p >= 0:
             place(s, i, p, s.state.velocity[i])
     if ti.static(s.contact):
-        stand_all(s, q, t, threads)
-    phase += 1
-    meet(s, scene, phase, threads)
-    return search(s, scene, q, t, threads, phase, now)
+        stand_all(s, q, 0, 1)
+    search(s, scene, q, 0, 1, 0, now)
 
 
 @ti.func
@@ -258,7 +256,7 @@ def make_depths(s: Any) -> Any:
         ti.loop_config(serialize=True)
         for _ in range(1):
             now = now_of(s, scene, 1, 1)
-            renew(s, scene, 0, 1, 0, now)
+            renew(s, scene, now)
             find_depths(s.surfaces, s.state.ranges[scene, TOUCH_SCENE], now.h)
 
     return measured

@@ -95,7 +95,9 @@ def pair_faces(touch: ti.template(), q, i, rows, n, stop):
                 p = touch.candidate[z]
                 way = touch.seen[p] - middle
                 touch.candidate[found] = p
-                is_near = (way.norm_sqr() < most) & (ti.abs((touch.seen[p] - a).dot(across)) < reach)
+                is_near = (way.norm_sqr() < most) & (
+                    ti.abs((touch.seen[p] - a).dot(across)) < reach
+                )
                 found += ti.cast(is_near, ti.i32)
             work += (end - row) // 2 + FAR_WORK * (found - spare)
             for z in range(spare, found):
