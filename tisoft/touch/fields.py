@@ -21,8 +21,8 @@ A = ti.types.ndarray()
  ORDERS) = range(31)  # fmt: skip
 """Columns of `Touch.order`: where a scene's rows begin and end; candidates found; threads of the
 last search, 0 where it is out of date; searches; whether candidates found no room; sweeps and rows
-so far; first point and first core of obstacles, and whether those move; islands now.  Patches are of points, of
-triangles, of edges; each thread has WIDTH rows of `candidate`."""
+so far; first point and first core of obstacles, and whether those move; islands now.  Patches are
+of points, of triangles, of edges; each thread has WIDTH rows of `candidate`."""
 LEAST, MOST, THICK, LONGEST, SHRUNK, TOLERANCE, SUNK, LEFT, RATE, LENGTHS = range(10)
 """Columns of `Touch.length` [m]: least and most margin, largest thickness, bodies' longest edge,
 share of the margins that had room (1), residual that ends the sweeps; most of `Touch.sunk`, the
