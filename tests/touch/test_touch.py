@@ -9,7 +9,7 @@ import pytest
 import tisoft as ts
 from tisoft.touch import overlap
 from tisoft.touch.crossing import crossings
-from tisoft.touch.fields import FACES_NEAR, FOUND, ISLANDS
+from tisoft.touch.fields import AWAKE, FACES_NEAR, FOUND, ISLANDS, WASTED, WORK
 
 SOFT = {"young": 1e5, "poisson": 0.3, "density": 1000.0}
 EDGE = 0.05
@@ -343,6 +343,26 @@ def test_what_rests_is_seldom_looked_up_again():
     after = sim.touching.counts()
     assert after["rows"] - before["rows"] > sim.substeps - substeps > 100
     assert after["searches"] - before["searches"] <= 2
+
+
+def test_lists_whose_pairs_stay_awake_are_made_anew_and_change_nothing():
+    """Pairs that have come nearer than they were listed cost more in every substep, until that
+    would have paid for a search.
+    """
+    states, searches = [], []
+    for wasted in (0, 10**9):
+        sim = simulation(on_slab(3, 0.5, turn=15.0), threads=1)
+        sim.run(0.1)
+        touch, scene = sim.touching.fields, sim.touching.scene
+        assert touch.order[scene, AWAKE] >= sim.touching.counts()["rows"] / sim.substeps > 0
+        assert 0 <= touch.order[scene, WASTED] <= touch.order[scene, WORK]
+        before = sim.touching.counts()["searches"]
+        touch.order[scene, WASTED] += wasted
+        sim.step()
+        searches.append(sim.touching.counts()["searches"] - before)
+        states.append(sim.positions())
+    assert searches == [0, 1]
+    np.testing.assert_array_equal(*states)
 
 
 def test_on_a_slope_it_sticks_and_slides_as_coulomb_says():

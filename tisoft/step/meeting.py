@@ -20,6 +20,7 @@ from tisoft.step.contact import corner_place, surface_velocity
 from tisoft.step.fixed import held
 from tisoft.step.substep import move, now_of
 from tisoft.touch import fields as f
+from tisoft.touch.awake import note_awake
 from tisoft.touch.lists import search
 from tisoft.touch.rows import find_depths, find_rows
 from tisoft.touch.sweeps import sweep
@@ -216,6 +217,8 @@ def touch_nodes(s: ti.template(), scene, t, threads, phase, now, stale):
         if t == 0 and eases:
             falls = now.h * s.surfaces.length[q, f.RATE]
             s.surfaces.length[q, f.LEFT] = ti.max(s.surfaces.length[q, f.LEFT] - falls, 0.0)
+        if t == 0:
+            note_awake(s.surfaces, q, threads)
         rows = 0
         for k in range(threads):
             rows += ti.cast(s.surfaces.most[thread + k, f.FOUND], ti.i32)
@@ -237,12 +240,13 @@ def touch_nodes(s: ti.template(), scene, t, threads, phase, now, stale):
 
 @ti.func
 def is_stale(s: ti.template(), scene, threads):
-    """Whether some point may leave its list's reach in the next substep."""
-    thread = s.surfaces.order[s.state.ranges[scene, TOUCH_SCENE], f.THREAD]
+    """Whether some point may leave its list's reach in the substep, or the list has become dear."""
+    q = s.state.ranges[scene, TOUCH_SCENE]
+    thread = s.surfaces.order[q, f.THREAD]
     gone = s.surfaces.most[thread, f.STALE]
     for k in range(1, threads):
         gone = ti.max(gone, s.surfaces.most[thread + k, f.STALE])
-    return gone > SAFE
+    return gone > SAFE or s.surfaces.order[q, f.WASTED] > s.surfaces.order[q, f.WORK]
 
 
 def make_depths(s: Any) -> Any:

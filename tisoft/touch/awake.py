@@ -3,7 +3,8 @@
 
     d ≥ SEEN thickness + way_a + way_b,   way = max over the points of |x − x_listed| + h |v*|
 
-with d as listed.
+with d as listed.  Where ways have grown so that pairs are awake which need not be, lists are made
+anew as soon as those have cost as much as a search.
 """
 
 import taichi as ti
@@ -13,6 +14,20 @@ from tisoft.touch import fields as f
 
 SEEN = 1.2
 """Thicknesses beyond which a side is believed, and a pair does nothing."""
+AWAKE_WORK = 12
+"""Work of a pair that is awake in a substep, in that of a test of two boxes."""
+
+
+@ti.func
+def note_awake(touch: ti.template(), q, threads):
+    """Count what pairs have cost that would sleep, had they been listed anew."""
+    awake, thread = 0, touch.order[q, f.THREAD]
+    for t in range(thread, thread + threads):
+        awake += ti.cast(touch.most[t, f.LOOKED], ti.i32)
+    if touch.order[q, f.AWAKE] < 0:
+        touch.order[q, f.AWAKE] = awake
+    more = ti.max(awake - touch.order[q, f.AWAKE], 0)
+    touch.order[q, f.WASTED] = touch.order[q, f.WASTED] + AWAKE_WORK * more
 
 
 @ti.func

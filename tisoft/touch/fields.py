@@ -18,11 +18,13 @@ A = ti.types.ndarray()
 (POINT, POINT_END, TRIANGLE, TRIANGLE_END, EDGE, EDGE_END, BODY, BODY_END, PAIR, FACE_ROOM,
  EDGE_ROOM, POINT_PATCH, FACE_PATCH, EDGE_PATCH, PATCH_END, NODE, COUPLE, CANDIDATE, WIDTH, THREAD,
  COUNT, BUILT, BUILDS, FULL, SWEEPS, ROWS, STANDING, CORES, MOVING, ISLANDS,
- ORDERS) = range(31)  # fmt: skip
+ WORK, AWAKE, WASTED, ORDERS) = range(34)  # fmt: skip
 """Columns of `Touch.order`: where a scene's rows begin and end; candidates found; threads of the
 last search, 0 where it is out of date; searches; whether candidates found no room; sweeps and rows
-so far; first point and first core of obstacles, and whether those move; islands now.  Patches are
-of points, of triangles, of edges; each thread has WIDTH rows of `candidate`."""
+so far; first point and first core of obstacles, and whether those move; islands now;
+what the last search had to do, in tests of two boxes, how many pairs were awake after it, −1 where
+not known yet, and what more of them have cost since.  Patches are of points, of triangles, of
+edges; each thread has WIDTH rows of `candidate`."""
 LEAST, MOST, THICK, LONGEST, SHRUNK, TOLERANCE, SUNK, LEFT, RATE, LENGTHS = range(10)
 """Columns of `Touch.length` [m]: least and most margin, largest thickness, bodies' longest edge,
 share of the margins that had room (1), residual that ends the sweeps; most of `Touch.sunk`, the
@@ -43,8 +45,9 @@ far it reaches beyond its points [m]; the most of its points' `ahead` [m]."""
  _, SEGMENTS) = range(11)  # fmt: skip
 """Columns of `Touch.segment`: each thread's pairs, how many of them have rows, and where its
 patches of triangles and edges begin, and end."""
-WORST, STALE, BLOWN, GONE, FOUND, MOSTS = range(6)
-"""Columns of `Touch.most`: each thread's maxima, whether a body has blown up, and rows found."""
+WORST, STALE, BLOWN, GONE, FOUND, LOOKED, MOSTS = range(7)
+"""Columns of `Touch.most`: each thread's maxima, whether a body has blown up, rows
+found, and pairs awake."""
 
 
 @ti.data_oriented

@@ -30,8 +30,10 @@ BLOWN = 8.0
 """Times the longest edge at rest: what is larger has blown up, and nothing is listed; others watch
 over that."""
 
-FAR_WORK = 6
-"""Work to look how far a point is from a triangle, in that of a test of two boxes."""
+FAR_WORK, POINT_WORK = 6, 4
+"""Work to look how far a point is from a triangle, in that of a test of two boxes; and of a point
+in a search besides.
+"""
 
 
 @ti.func
@@ -264,6 +266,15 @@ def count_pairs(touch: ti.template(), q, threads):
 
 
 @ti.func
+def work_of(touch: ti.template(), q):
+    """What the search had to do, in tests of two boxes."""
+    work = POINT_WORK * (touch.order[q, f.POINT_END] - touch.order[q, f.POINT])
+    for k in range(touch.order[q, f.FACE_PATCH], touch.order[q, f.PATCH_END]):
+        work += touch.patch_work[k]
+    return work
+
+
+@ti.func
 def fill_slots(touch: ti.template(), q, threads):
     """The pairs and corners that each point is, in the order of the pairs."""
     low, high = touch.order[q, f.POINT], touch.order[q, f.POINT_END]
@@ -341,6 +352,8 @@ def search(s: ti.template(), scene, q, t, threads, phase, now):
                 touch.order[q, f.COUNT] = count_pairs(touch, q, threads)
                 if touch.length[q, f.SUNK] > 0.0:
                     fill_slots(touch, q, threads)
+            touch.order[q, f.WORK] = work_of(touch, q)
+            touch.order[q, f.AWAKE], touch.order[q, f.WASTED] = -1, 0
             touch.order[q, f.BUILT] = threads
             touch.order[q, f.BUILDS] = touch.order[q, f.BUILDS] + 1
         phase += 1

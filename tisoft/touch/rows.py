@@ -325,7 +325,7 @@ def find_rows(touch: ti.template(), q, t, threads, measures, eases, h):
         eases: whether bodies are pushed out of each other: points then by their nearest faces.
     """
     own = touch.order[q, f.THREAD] + t
-    close, count = near_of(touch, q), 0
+    close, count, looked = near_of(touch, q), 0, 0
     far = close + longest_way(touch, q, threads)
     for kind in range(2):
         begin, n = touch.segment[own, 2 * kind], 0
@@ -335,6 +335,7 @@ def find_rows(touch: ti.template(), q, t, threads, measures, eases, h):
             if awake:
                 awake = touch.distance[z] < close + way_of(touch, q, z, kind)
             if awake:
+                looked += 1
                 drift, w, normal, distance, ok = row_of(touch, z, kind)
                 if ok:
                     behind = thickness(touch, touch.ends[z, 0], touch.ends[z, 3]) - distance
@@ -352,6 +353,7 @@ def find_rows(touch: ti.template(), q, t, threads, measures, eases, h):
                 touch.behind[z] = behind
         touch.segment[own, f.FACES_NEAR + kind] = n
         count += n
+    touch.most[own, f.LOOKED] = looked
     return count
 
 
