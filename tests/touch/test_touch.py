@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 
 import tisoft as ts
+from tisoft.touch import fields as f
 from tisoft.touch import overlap
 from tisoft.touch.crossing import crossings
-from tisoft.touch.fields import AWAKE, FACES_NEAR, FOUND, ISLANDS, WASTED, WORK
+from tisoft.touch.flat import FLAT
+from tisoft.touch.patches import kin_of, patches_of, sorted_surface
+from tisoft.touch.surface import surface_of
 
 SOFT = {"young": 1e5, "poisson": 0.3, "density": 1000.0}
 EDGE = 0.05
@@ -202,7 +205,7 @@ def test_what_all_threads_read_no_sweep_writes():
         found = sim.touching.counts()["rows"] - before
         if found:
             thread = sim.touching.lease.starts["threads"]
-            assert sim.touching.fields.most[thread, FOUND] == found
+            assert sim.touching.fields.most[thread, f.FOUND] == found
             seen += 1
     assert seen > 5
 
@@ -319,12 +322,12 @@ def test_what_shares_no_point_is_solved_apart():
     sim = simulation(on_slab(3, 0.5, turn=15.0), threads=1)
     sim.run(0.1)
     touch, starts = sim.touching.fields, sim.touching.lease.starts
-    count = int(touch.order[sim.touching.scene, ISLANDS])
+    count = int(touch.order[sim.touching.scene, f.ISLANDS])
     base, segment = starts["pairs"], touch.segment.to_numpy()[starts["threads"]]
     ends = touch.island_end.to_numpy()[base : base + count] - base
     queue = touch.queue.to_numpy()[base : base + ends[-1]]
     rows = [
-        np.arange(segment[2 * kind], segment[2 * kind] + segment[FACES_NEAR + kind])
+        np.arange(segment[2 * kind], segment[2 * kind] + segment[f.FACES_NEAR + kind])
         for kind in range(2)
     ]
     np.testing.assert_array_equal(np.sort(queue), np.concatenate(rows))
@@ -354,10 +357,10 @@ def test_lists_whose_pairs_stay_awake_are_made_anew_and_change_nothing():
         sim = simulation(on_slab(3, 0.5, turn=15.0), threads=1)
         sim.run(0.1)
         touch, scene = sim.touching.fields, sim.touching.scene
-        assert touch.order[scene, AWAKE] >= sim.touching.counts()["rows"] / sim.substeps > 0
-        assert 0 <= touch.order[scene, WASTED] <= touch.order[scene, WORK]
+        assert touch.order[scene, f.AWAKE] >= sim.touching.counts()["rows"] / sim.substeps > 0
+        assert 0 <= touch.order[scene, f.WASTED] <= touch.order[scene, f.WORK]
         before = sim.touching.counts()["searches"]
-        touch.order[scene, WASTED] += wasted
+        touch.order[scene, f.WASTED] += wasted
         sim.step()
         searches.append(sim.touching.counts()["searches"] - before)
         states.append(sim.positions())
@@ -546,7 +549,7 @@ def pendulum(self_contact=None):
 
 def most_crossings(sim):
     triangles = np.asarray(sim.scene.bodies[0].mesh.surface)
-    every = [f.positions() for f in sim.frames(1.0) if f.index % 2 == 0]
+    every = [frame.positions() for frame in sim.frames(1.0) if frame.index % 2 == 0]
     return max(len(crossings(x, triangles)) for x in every)
 
 
@@ -563,6 +566,81 @@ def test_cloth_that_folds_does_not_cross_itself():
     x[back] = np.stack([0.8 - x[back, 0], 0.5 * x[back, 0] - 0.29, x[back, 2]], axis=1)
     sim.set_state(x, 0 * x)
     assert re.match(r'\d+ edges of the triangles of sheets \("body0"\) pass', sim.warnings[0])
+
+
+def test_layers_of_a_folded_sheet_find_each_other_though_flat_patches_are_left_out():
+    """All points and triangles nearer than their thickness are listed, by a look at every one; and
+    patches that are kin and do not bend, next to each other in each layer, are not looked at.
+    """
+    scene = ts.Scene(gravity=(0, 0, 0), frame_rate=100.0)
+    mesh = ts.cloth(size=(1.2, 0.3), cells=(48, 12))
+    body = scene.add_body(mesh, ts.MassSpring(stiffness=60.0, node_mass=6.6e-4), "sheet")
+    body.self_contact, body.thickness = True, 0.01
+    sim = simulation(scene, threads=1)
+    x = sim.positions()
+    layer = np.minimum(x[:, 0] // 0.4, 2)
+    fold = np.isclose(x[:, 0] % 0.4, 0.0, atol=1e-9) & (x[:, 0] > 0.1) & (x[:, 0] < 1.1)
+    along = np.where(layer == 1, 0.8 - x[:, 0], np.where(layer == 2, x[:, 0] - 0.8, x[:, 0]))
+    height = 0.0095 * (layer - 0.5 * fold)
+    sim.set_state(np.stack([along, height, x[:, 2]], axis=1), 0 * x)
+    sim.step()
+    touch, starts = sim.touching.fields, sim.touching.lease.starts
+    first, last = sim.touching.ranges[0]
+    count = len(mesh.surface)
+    triangles = touch.triangle.to_numpy()[starts["triangles"] :][:count] - first
+    segment = touch.segment.to_numpy()[starts["threads"]]
+    rows = slice(segment[f.FACE_START], segment[f.FACE_STOP])
+    listed = set(
+        zip(
+            touch.ends.to_numpy()[rows, 0] - first,
+            touch.item.to_numpy()[rows, 0] - starts["triangles"],
+            strict=True,
+        )
+    )
+    seen = touch.seen.to_numpy()[first:last]
+    a, b, c = (seen[triangles[:, k]] for k in range(3))
+    near = 0
+    for point, place in enumerate(seen):
+        far = np.linalg.norm(overlap._nearest(np.tile(place, (count, 1)), a, b, c) - place, axis=1)
+        for triangle in np.flatnonzero((far < 0.01) & (triangles != point).all(axis=1)):
+            assert (point, triangle) in listed
+            near += 1
+    assert near > 1000
+    order = touch.order.to_numpy()[sim.touching.scene]
+    flat = 0
+    patches, axis = touch.patch.to_numpy(), touch.patch_axis.to_numpy()
+    kin, spread = touch.kin.to_numpy(), touch.patch_spread.to_numpy()
+    for k in range(order[f.FACE_PATCH], order[f.EDGE_PATCH]):
+        own = kin[patches[k, f.KIN] : patches[k, f.KIN_END]]
+        bends = np.linalg.norm(axis[own] - axis[k], axis=1) + spread[own] + spread[k]
+        flat += int((bends < FLAT).sum())
+    assert flat > 50
+
+
+def test_kin_are_patches_that_share_or_join_points_and_do_not_both_reach_the_border():
+    mesh = ts.cloth(size=(1.0, 1.0), cells=(14, 14))
+    surface = surface_of(np.asarray(mesh.surface), mesh.points, 0.0)
+    owner = np.zeros(len(surface.points), np.int64)
+    surface, _ = sorted_surface(surface, mesh.points, owner)
+    x = mesh.points[surface.points]
+    counts = (len(x), len(surface.triangles), len(surface.edges))
+    patches = [patches_of(np.zeros(count, np.int64)) for count in counts]
+    assert all(np.ptp(x[a:b], axis=0).max() < 0.5 for a, b, _ in patches[0])  # none is torn
+    starts, kin = kin_of(patches, surface.triangles, surface.edges, len(x))
+    members = [np.arange(len(x))[:, None], surface.triangles, surface.edges]
+    sets = [
+        set(m[a:b].ravel()) for m, rows in zip(members, patches, strict=True) for a, b, _ in rows
+    ]
+    near = {tuple(sorted(side)) for side in surface.edges}
+    sheet = x[:, np.ptp(x, axis=0) > 0.0]
+    border = set(np.flatnonzero(((sheet == 0.0) | (sheet == 1.0)).any(axis=1)))
+    faces, edges = len(patches[0]), len(patches[0]) + len(patches[1])
+    found = {(k, j) for k in range(len(sets)) for j in kin[starts[k] : starts[k + 1]]}
+    for k in range(faces, len(sets)):
+        for j in range(faces) if k < edges else range(edges, len(sets)):
+            joins = any((min(p, r), max(p, r)) in near or p == r for p in sets[k] for r in sets[j])
+            open_ = bool(sets[k] & border) and bool(sets[j] & border)
+            assert ((k, j) in found) == (joins and not open_)
 
 
 @pytest.mark.slow

@@ -105,9 +105,16 @@ def along_edges(a, b, c, d):
 
 @ti.func
 def between_edges(a, b, c, d):
-    """Distance [m] of two edges, ends included."""
-    s, t = along_edges(a, b, c, d)
-    return (a + s * (b - a) - c - t * (d - c)).norm()
+    """Square of the distance [m²] of two edges, ends included; without branches, which lists of
+    many would often guess wrong.
+    """
+    u, v, r = b - a, d - c, a - c
+    uu, vv, uv, ur, vr = u.dot(u), v.dot(v), u.dot(v), u.dot(r), v.dot(r)
+    long, short = 1.0 / ti.max(uu, 1e-30), 1.0 / ti.max(vv, 1e-30)
+    s = clamped((uv * vr - vv * ur) * (1.0 / ti.max(uu * vv - uv * uv, 1e-30)))
+    t = clamped((uv * s + vr) * short)
+    s = clamped((uv * t - ur) * long)
+    return (r + s * u - t * v).norm_sqr()
 
 
 @ti.func

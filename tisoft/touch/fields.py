@@ -35,8 +35,8 @@ share of it that is left (1), and how fast that falls [1/s].
 """Columns of `Touch.trait`: whether it is an obstacle, the kind of core that it is, whether points
 leave its triangles alone, its row of `State.obstacle`; how many bodies are near; where its patches
 of points and edges begin, and end."""
-BEGIN, END, OWNER = range(3)
-"""Columns of `Touch.patch`: its rows, and its body."""
+BEGIN, END, OWNER, KIN, KIN_END = range(5)
+"""Columns of `Touch.patch`: its rows, its body, and its rows of `kin`."""
 HALF, FRICTION, DEPTH, SHARE, EASE, GROW, AHEAD, NUMBERS = range(8)
 """Columns of `Touch.number`: half the thickness, or a core's radius [m], Coulomb's coefficient,
 depth of push [m], share that it takes of the other's half, most of a penetration that counts, how
@@ -69,6 +69,7 @@ class Touch:
         "bodies": 64,
         "couples": 1024,
         "patches": 2048,
+        "kins": 4096,
         "candidates": 4096,
         "threads": 64,
         "scenes": 16,
@@ -106,6 +107,8 @@ class Touch:
         """From the scene's middle at the last search [m]."""
         self.ahead = field(real, "points")
         """Its share of a pair's margin [m]."""
+        self.facing = field(vec3, "points")
+        """Unit normal, as last seen, of bodies that touch themselves; 0 where there is none."""
         self.allowed = field(real, "points")
         """Way that it may go before the next search [m]."""
         self.gone = field(real, "points")
@@ -149,6 +152,8 @@ class Touch:
         """See `Surface.fan`."""
         self.edge = field(ti.i32, "edges", 2)
         """Ends."""
+        self.ball = field(ti.types.vector(4, real), "edges")
+        """Around it, as last seen: middle and radius [m]."""
         self.sides = field(ti.i32, "edges", 2)
         """See `Surface.sides`."""
 
@@ -198,14 +203,23 @@ class Touch:
         self.queue = field(ti.i32, "pairs")
         """Rows by islands."""
 
-        self.patch = field(ti.i32, "patches", 3)
+        self.patch = field(ti.i32, "patches", 5)
+        self.kin = field(ti.i32, "kins")
+        """Patches that it does not touch while neither bends, see `patches`."""
         self.patch_low = field(vec3, "patches")
         """Its box [m]."""
         self.patch_high = field(vec3, "patches")
+        self.block_low = field(vec3, "patches")
+        """Box of the patches from one on that are left out together [m]."""
+        self.block_high = field(vec3, "patches")
         self.patch_speed = field(real, "patches")
         """Of its fastest point [m/s]."""
         self.patch_ahead = field(real, "patches")
         """The most of its points' [m]."""
+        self.patch_axis = field(vec3, "patches")
+        """Mean of its normals, a unit vector; known of bodies that touch themselves."""
+        self.patch_spread = field(real, "patches")
+        """How far its normals are from that at the most (chords of the unit ball)."""
         self.patch_work = field(ti.i32, "patches")
         """What the last search had to do for it, in tests of two boxes."""
         self.candidate = field(ti.i32, "candidates")
@@ -239,9 +253,10 @@ class Touch:
     def bytes_of(structure: str, rows: dict[str, int]) -> int:
         """Memory that the fields take [bytes]."""
         real = 8 if structure == "f64" else 4
-        points = rows["points"] * (34 * real + 28) + rows["nodes"] * (6 * real + 4)
-        return points + rows["triangles"] * 28 + rows["fans"] * 8 + rows["edges"] * 16 + (
-            rows["pairs"] * (20 * real + 72) + rows["patches"] * (8 * real + 16)
+        points = rows["points"] * (37 * real + 28) + rows["nodes"] * (6 * real + 4)
+        points += rows["edges"] * (4 * real + 16) + rows["kins"] * 4
+        return points + rows["triangles"] * 28 + rows["fans"] * 8 + (
+            rows["pairs"] * (20 * real + 72) + rows["patches"] * (18 * real + 24)
         )  # fmt: skip
 
     def destroy(self) -> None:
@@ -293,8 +308,15 @@ class Touch:
         """Write patches."""
         ti.loop_config(serialize=self.serial)
         for k in range(patches.shape[0]):
-            for d in ti.static(range(3)):
+            for d in ti.static(range(5)):
                 self.patch[first + k, d] = patches[k, d]
+
+    @ti.kernel
+    def write_kin(self, first: int, kin: A):
+        """Write patches that are kin."""
+        ti.loop_config(serialize=self.serial)
+        for k in range(kin.shape[0]):
+            self.kin[first + k] = kin[k]
 
     @ti.kernel
     def write_bodies(self, first: int, traits: A, numbers: A, couple: int, may: A):

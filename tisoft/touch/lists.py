@@ -10,161 +10,24 @@ import taichi as ti
 
 from tisoft.model.threads import meet, share
 from tisoft.touch import fields as f
-from tisoft.touch.closest import between_edges, from_triangle, nearest_on_line, on_triangle
+from tisoft.touch.flat import measure_bend
 from tisoft.touch.near import (
-    couple_of,
     find_near,
+    measure_blocks,
     measure_bodies,
     measure_edges,
     measure_points,
-    meets,
     neighbours,
-    reach_of,
 )
+from tisoft.touch.pairs import pair_cores, pair_edges, pair_faces
 
-BLUR = 0.02
-"""Of a core's radius, see `nearest_on_line`."""
 LEAST_SHRUNK = 0.01
 """Share of their margins below which candidates that find no room are let go."""
 BLOWN = 8.0
 """Times the longest edge at rest: what is larger has blown up, and nothing is listed; others watch
 over that."""
-
-FAR_WORK, POINT_WORK = 6, 4
-"""Work to look how far a point is from a triangle, in that of a test of two boxes; and of a point
-in a search besides.
-"""
-
-
-@ti.func
-def keep(touch: ti.template(), q, n, begun, stop, ends, item, d):
-    """Put a pair into row n, or tell that there is no room before row `stop`; returns the next."""
-    after = n
-    if n < stop:
-        insert(touch, n, begun, ends, item, d)
-        after = n + 1
-    else:
-        touch.order[q, f.FULL] = 1
-    return after
-
-
-@ti.func
-def insert(touch: ti.template(), n, begun, ends, item, d):
-    """Put a pair into row n, sorted among those from `begun` on by point, or second edge."""
-    z = n
-    while z > begun and is_later(touch, z - 1, ends, item):
-        for k in range(4):
-            touch.ends[z, k] = touch.ends[z - 1, k]
-        for k in range(2):
-            touch.item[z, k] = touch.item[z - 1, k]
-        touch.distance[z] = touch.distance[z - 1]
-        z -= 1
-    for k in ti.static(range(4)):
-        touch.ends[z, k] = ends[k]
-    for k in ti.static(range(2)):
-        touch.item[z, k] = item[k]
-    touch.distance[z] = d
-    touch.side[n] = 0
-
-
-@ti.func
-def is_later(touch: ti.template(), z, ends, item):
-    """Whether the pair in row z, of the same triangle or first edge, comes after another one."""
-    return touch.item[z, 1] > item[1] or (item[1] < 0 and touch.ends[z, 0] > ends[0])
-
-
-@ti.func
-def pair_faces(touch: ti.template(), q, i, rows, n, stop):
-    """List triangle i's pairs with the points listed by `find_near` from row n on, before row
-    `stop`; returns the next row, and the work that it was.
-
-    Args: rows: first and last of `candidate`.
-    """
-    ids = ti.Vector([touch.triangle[i, 0], touch.triangle[i, 1], touch.triangle[i, 2]])
-    a, b, c = touch.seen[ids[0]], touch.seen[ids[1]], touch.seen[ids[2]]
-    lo, hi, begun = ti.min(a, b, c), ti.max(a, b, c), n
-    middle = 0.5 * (lo + hi)
-    size = ti.max((a - middle).norm(), (b - middle).norm(), (c - middle).norm())
-    across = (b - a).cross(c - a).normalized(1e-30)
-    row, spare, work = rows[0], rows[1], 0
-    while row < rows[1]:  # patch by patch
-        work += 2
-        end, k, reach = touch.group[row, 0], touch.group[row, 1], touch.reach[row]
-        low, high = lo - reach, hi + reach
-        if meets(low, high, touch.patch_low[k], touch.patch_high[k]):
-            found, most = spare, (reach + size) ** 2
-            for z in range(row, end):  # without branches, which would often be guessed wrong
-                p = touch.candidate[z]
-                way = touch.seen[p] - middle
-                touch.candidate[found] = p
-                is_near = (way.norm_sqr() < most) & (
-                    ti.abs((touch.seen[p] - a).dot(across)) < reach
-                )
-                found += ti.cast(is_near, ti.i32)
-            work += (end - row) // 2 + FAR_WORK * (found - spare)
-            for z in range(spare, found):
-                p = touch.candidate[z]
-                if p != ids[0] and p != ids[1] and p != ids[2]:
-                    square = from_triangle(touch.seen[p], a, b, c)
-                    if square < reach * reach:
-                        ends, d = ti.Vector([p, ids[0], ids[1], ids[2]]), ti.sqrt(square)
-                        n = keep(touch, q, n, begun, stop, ends, ti.Vector([i, -1]), d)
-        row = end
-    return n, work
-
-
-@ti.func
-def pair_cores(touch: ti.template(), q, i, n, stop):
-    """List triangle i's pairs with cores of obstacles from row n on; returns the next row."""
-    begun = n
-    ids = ti.Vector([touch.triangle[i, 0], touch.triangle[i, 1], touch.triangle[i, 2]])
-    a, b, c = touch.seen[ids[0]], touch.seen[ids[1]], touch.seen[ids[2]]
-    body = touch.body[ids[0]]
-    ahead = ti.max(touch.ahead[ids[0]], touch.ahead[ids[1]], touch.ahead[ids[2]])
-    lo, hi = ti.min(a, b, c), ti.max(a, b, c)
-    for core in range(touch.order[q, f.CORES], touch.order[q, f.BODY_END]):
-        reach = reach_of(touch, q, body, core, ahead + touch.number[core, f.AHEAD])
-        is_near = meets(lo - reach, hi + reach, touch.low[core], touch.high[core])
-        if is_near and touch.may[couple_of(touch, q, body, core)]:
-            p, r = touch.trait[core, f.FIRST], touch.number[core, f.HALF]
-            x = touch.seen[p]
-            if touch.trait[core, f.LAST] > p + 1:
-                x = nearest_on_line(x, touch.seen[p + 1], a, b, c, BLUR * r)
-            w = on_triangle(x, a, b, c)
-            d = (x - w[0] * a - w[1] * b - w[2] * c).norm() - r
-            if d < reach:
-                ends = ti.Vector([p, ids[0], ids[1], ids[2]])
-                n = keep(touch, q, n, begun, stop, ends, ti.Vector([i, -1]), d)
-    return n
-
-
-@ti.func
-def pair_edges(touch: ti.template(), q, i, rows, n, stop):
-    """List the pairs of edge i with later ones listed by `find_near` from row n on, before row
-    `stop`; returns the next row, and the work that it was.
-    """
-    a, b = touch.edge[i, 0], touch.edge[i, 1]
-    u, v, begun = touch.seen[a], touch.seen[b], n
-    lo, hi = ti.min(u, v), ti.max(u, v)
-    row, work = rows[0], 0
-    while row < rows[1]:
-        work += 2
-        end, k, reach = touch.group[row, 0], touch.group[row, 1], touch.reach[row]
-        low, high = lo - reach, hi + reach
-        if touch.patch[k, f.END] > i and meets(low, high, touch.patch_low[k], touch.patch_high[k]):
-            work += 2 * (end - row)
-            for z in range(row, end):
-                e = touch.candidate[z]
-                c, d = touch.edge[e, 0], touch.edge[e, 1]
-                p, r = touch.seen[c], touch.seen[d]
-                ok = e > i and meets(low, high, ti.min(p, r), ti.max(p, r))
-                if ok and a != c and a != d and b != c and b != d:
-                    far = between_edges(u, v, p, r)
-                    if far < reach:
-                        ends = ti.Vector([a, b, c, d])
-                        n = keep(touch, q, n, begun, stop, ends, ti.Vector([i, e]), far)
-        row = end
-    return n, work
+POINT_WORK = 4
+"""Work of a point in a search, in that of a test of two boxes."""
 
 
 @ti.func
@@ -179,6 +42,24 @@ def face_box(touch: ti.template(), i):
     a, b = touch.seen[touch.triangle[i, 0]], touch.seen[touch.triangle[i, 1]]
     c = touch.seen[touch.triangle[i, 2]]
     return ti.min(a, b, c), ti.max(a, b, c)
+
+
+@ti.func
+def measure_faces(touch: ti.template(), q, k):
+    """Box and margin of patch k of triangles; returns whether one of those has blown up."""
+    lo, hi = face_box(touch, touch.patch[k, f.BEGIN])
+    ahead, blown = 0.0 * lo[0], False
+    free = touch.trait[touch.patch[k, f.OWNER], f.OBSTACLE] == 0
+    for i in range(touch.patch[k, f.BEGIN], touch.patch[k, f.END]):
+        low_i, high_i = face_box(touch, i)
+        lo, hi = ti.min(lo, low_i), ti.max(hi, high_i)
+        for c in range(3):
+            ahead = ti.max(ahead, touch.ahead[touch.triangle[i, c]])
+        if free and is_blown(touch, q, low_i, high_i):
+            blown = True
+    touch.patch_low[k], touch.patch_high[k], touch.patch_ahead[k] = lo, hi, ahead
+    measure_bend(touch, k, 3)
+    return blown
 
 
 @ti.func
@@ -211,18 +92,11 @@ def find_faces(touch: ti.template(), q, t, threads):
         body, work = touch.patch[k, f.OWNER], 0
         if touch.trait[body, f.BARE] == 0 and touch.trait[body, f.NEAR]:
             begin, end = touch.patch[k, f.BEGIN], touch.patch[k, f.END]
-            lo, hi = face_box(touch, begin)
-            ahead = 0.0 * lo[0]
-            for i in range(begin, end):
-                low_i, high_i = face_box(touch, i)
-                lo, hi = ti.min(lo, low_i), ti.max(hi, high_i)
-                for c in range(3):
-                    ahead = ti.max(ahead, touch.ahead[touch.triangle[i, c]])
-                if touch.trait[body, f.OBSTACLE] == 0 and is_blown(touch, q, low_i, high_i):
-                    touch.most[own, f.BLOWN] = 1.0
             last = row
+            if measure_faces(touch, q, k):
+                touch.most[own, f.BLOWN] = 1.0
             if touch.most[own, f.BLOWN] == 0.0:
-                last, work = find_near(touch, q, body, lo, hi, ahead, f.OWN_POINTS, row)
+                last, work = find_near(touch, q, k, f.OWN_POINTS, row)
             for i in range(begin, end):
                 if touch.trait[body, f.OBSTACLE] == 0:
                     n = pair_cores(touch, q, i, n, stop)
@@ -245,8 +119,7 @@ def find_edges(touch: ti.template(), q, t, threads):
         body, work = touch.patch[k, f.OWNER], 0
         blown = touch.most[own, f.BLOWN] > 0.0
         if touch.trait[body, f.OBSTACLE] == 0 and touch.trait[body, f.NEAR] and not blown:
-            lo, hi, ahead = touch.patch_low[k], touch.patch_high[k], touch.patch_ahead[k]
-            last, work = find_near(touch, q, body, lo, hi, ahead, f.OWN_EDGES, row)
+            last, work = find_near(touch, q, k, f.OWN_EDGES, row)
             if last > row:
                 for i in range(touch.patch[k, f.BEGIN], touch.patch[k, f.END]):
                     n, more = pair_edges(touch, q, i, ti.Vector([row, last]), n, stop)
@@ -326,6 +199,7 @@ def search(s: ti.template(), scene, q, t, threads, phase, now):
             touch.length[q, f.SHRUNK] = shrunk
         phase += 1
         meet(s, scene, phase, threads)
+        measure_blocks(touch, q, t, threads)
         touch.most[own + t, f.WORST] = neighbours(touch, q, t, threads, now.h)
         touch.most[own + t, f.BLOWN] = 0.0
         phase += 1

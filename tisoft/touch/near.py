@@ -14,11 +14,14 @@ import taichi as ti
 
 from tisoft.model.threads import share
 from tisoft.touch import fields as f
+from tisoft.touch.flat import fan_normal, is_flat, measure_bend
 
 AHEAD, FAR_AHEAD = 16.0, 24.0
 """Substeps for which a search is to last; the latter where the last one found fewer pairs than
 there are points: longer lists cost little there.
 """
+BLOCK = 8
+"""Patches that are left out together where they are far."""
 SPREADS = 0.5
 """Share of its fastest point's speed that any of a body's points may soon have.  (What is hit stops
 or starts within a substep or two, so margins along the way that patches go, or in a frame that
@@ -46,7 +49,10 @@ def measure_points(touch: ti.template(), q, t, threads):
             lo, hi = ti.min(lo, x), ti.max(hi, x)
             fast = ti.max(fast, touch.velocity[p].norm_sqr())
             touch.listed[p] = touch.place[p]
+            if touch.trait[touch.patch[k, f.OWNER], f.SELF]:
+                touch.facing[p] = fan_normal(touch, p).normalized(1e-30)
         touch.patch_low[k], touch.patch_high[k], touch.patch_speed[k] = lo, hi, ti.sqrt(fast)
+        measure_bend(touch, k, 1)
 
 
 @ti.func
@@ -88,10 +94,30 @@ def measure_edges(touch: ti.template(), q, t, threads):
         lo, hi = 0.0 * touch.place[0] + 1e30, 0.0 * touch.place[0] - 1e30
         ahead = 0.0 * touch.ahead[0]
         for e in range(touch.patch[k, f.BEGIN], touch.patch[k, f.END]):
-            low_e, high_e = box_of(touch, e, f.OWN_EDGES)
-            lo, hi = ti.min(lo, low_e), ti.max(hi, high_e)
+            u, v = touch.seen[touch.edge[e, 0]], touch.seen[touch.edge[e, 1]]
+            lo, hi = ti.min(lo, u, v), ti.max(hi, u, v)
+            for d in ti.static(range(3)):
+                touch.ball[e][d] = 0.5 * (u[d] + v[d])
+            touch.ball[e][3] = 0.5 * (v - u).norm()
             ahead = ti.max(ahead, touch.ahead[touch.edge[e, 0]], touch.ahead[touch.edge[e, 1]])
         touch.patch_low[k], touch.patch_high[k], touch.patch_ahead[k] = lo, hi, ahead
+        measure_bend(touch, k, 2)
+
+
+@ti.func
+def measure_blocks(touch: ti.template(), q, t, threads):
+    """Boxes of BLOCK patches each, from a body's first of a kind on, of thread t's bodies."""
+    low, high = touch.order[q, f.BODY], touch.order[q, f.BODY_END]
+    for b in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
+        for kind in range(2):
+            column = f.OWN_POINTS + kind * (f.OWN_EDGES - f.OWN_POINTS)
+            begin, end = touch.trait[b, column], touch.trait[b, column + 1]
+            for block in range((end - begin + BLOCK - 1) // BLOCK):
+                row = begin + block * BLOCK
+                lo, hi = touch.patch_low[row], touch.patch_high[row]
+                for k in range(row, ti.min(row + BLOCK, end)):
+                    lo, hi = ti.min(lo, touch.patch_low[k]), ti.max(hi, touch.patch_high[k])
+                touch.block_low[row], touch.block_high[row] = lo, hi
 
 
 @ti.func
@@ -144,16 +170,16 @@ def neighbours(touch: ti.template(), q, t, threads, h):
 
 
 @ti.func
-def find_near(touch: ti.template(), q, body, lo, hi, ahead, kind: ti.template(), row):
-    """List from `row` of `candidate` on which points or edges of near bodies are within their reach
-    of a box of something of `body`, in their order; returns where the list ends, and the work that
-    it was (`Touch.patch_work`).
+def find_near(touch: ti.template(), q, own, kind: ti.template(), row):
+    """List from `row` of `candidate` on what of near bodies may be within its reach of patch `own`,
+    in their order: points, or edges from that patch's on; returns where the list ends, and the
+    work that it was (`Touch.patch_work`).
 
-    Args:
-        lo, hi: of the box [m].
-        ahead: its share of the margin [m].
-        kind: OWN_POINTS or OWN_EDGES.
+    Args: kind: OWN_POINTS or OWN_EDGES.
     """
+    body = touch.patch[own, f.OWNER]
+    lo, hi, ahead = touch.patch_low[own], touch.patch_high[own], touch.patch_ahead[own]
+    middle, size = 0.5 * (lo + hi), 0.5 * (hi - lo).norm()
     first, n, work = couple_of(touch, q, body, touch.order[q, f.BODY]), row, 0
     for z in range(first, first + touch.trait[body, f.NEAR]):
         c = touch.partner[z]
@@ -161,32 +187,35 @@ def find_near(touch: ti.template(), q, body, lo, hi, ahead, kind: ti.template(),
         is_near = meets(lo - most, hi + most, touch.low[c], touch.high[c])
         work += 1
         if is_near and touch.trait[c, f.ROUND] == 0:
-            work += touch.trait[c, kind + 1] - touch.trait[c, kind]
-            for k in range(touch.trait[c, kind], touch.trait[c, kind + 1]):
-                reach = reach_of(touch, q, body, c, ahead + touch.patch_ahead[k])
-                low, high = lo - reach, hi + reach
-                if meets(low, high, touch.patch_low[k], touch.patch_high[k]):
-                    begun = n
-                    work += touch.patch[k, f.END] - touch.patch[k, f.BEGIN]
-                    for i in range(touch.patch[k, f.BEGIN], touch.patch[k, f.END]):
-                        low_i, high_i = box_of(touch, i, kind)
-                        touch.candidate[n] = i
-                        n += is_within(low, high, low_i, high_i)
-                    if n > begun:
-                        touch.group[begun, 0], touch.group[begun, 1] = n, k
-                        touch.reach[begun] = reach
+            begin, end = touch.trait[c, kind], touch.trait[c, kind + 1]
+            start, blocks = begin, (end - begin + BLOCK - 1) // BLOCK
+            if ti.static(kind == f.OWN_EDGES):
+                start = ti.max(begin, own)
+            work += blocks
+            for block in range((start - begin) // BLOCK, blocks):
+                row_of = begin + block * BLOCK
+                low, high = touch.block_low[row_of], touch.block_high[row_of]
+                if meets(lo - most, hi + most, low, high):
+                    work += BLOCK
+                    for k in range(ti.max(start, row_of), ti.min(row_of + BLOCK, end)):
+                        reach = reach_of(touch, q, body, c, ahead + touch.patch_ahead[k])
+                        low, high = lo - reach, hi + reach
+                        looks = meets(low, high, touch.patch_low[k], touch.patch_high[k])
+                        if looks and body == c:
+                            looks = not is_flat(touch, own, k)
+                        if looks:
+                            begun = n
+                            work += touch.patch[k, f.END] - touch.patch[k, f.BEGIN]
+                            for i in range(touch.patch[k, f.BEGIN], touch.patch[k, f.END]):
+                                touch.candidate[n] = i
+                                if ti.static(kind == f.OWN_EDGES):
+                                    n += are_near(touch.ball[i], middle, size + reach)
+                                else:
+                                    n += is_within(low, high, touch.seen[i])
+                            if n > begun:
+                                touch.group[begun, 0], touch.group[begun, 1] = n, k
+                                touch.reach[begun] = reach
     return n, work
-
-
-@ti.func
-def box_of(touch: ti.template(), i, kind: ti.template()):
-    """Of point or edge i, as last seen."""
-    lo = touch.seen[i]
-    hi = lo
-    if ti.static(kind == f.OWN_EDGES):
-        u, v = touch.seen[touch.edge[i, 0]], touch.seen[touch.edge[i, 1]]
-        lo, hi = ti.min(u, v), ti.max(u, v)
-    return lo, hi
 
 
 @ti.func
@@ -196,9 +225,14 @@ def meets(lo, hi, low, high):
 
 
 @ti.func
-def is_within(lo, hi, low, high):
-    """The same, 1 or 0, without branches: for boxes of which the processor could not guess."""
-    x = (lo[0] <= high[0]) & (hi[0] >= low[0])
-    y = (lo[1] <= high[1]) & (hi[1] >= low[1])
-    z = (lo[2] <= high[2]) & (hi[2] >= low[2])
-    return ti.cast(x & y & z, ti.i32)
+def is_within(lo, hi, x):
+    """1 or 0, whether x is in a box; without branches, which the processor could not guess."""
+    inside = (lo[0] <= x[0]) & (hi[0] >= x[0]) & (lo[1] <= x[1]) & (hi[1] >= x[1])
+    return ti.cast(inside & (lo[2] <= x[2]) & (hi[2] >= x[2]), ti.i32)
+
+
+@ti.func
+def are_near(ball, x, most):
+    """The same of whether a ball, (middle, radius), comes nearer to x than `most` [m]."""
+    way, far = ti.Vector([ball[0], ball[1], ball[2]]) - x, most + ball[3]
+    return ti.cast(way.norm_sqr() < far * far, ti.i32)

@@ -25,8 +25,9 @@ from tisoft.obstacles.base import FLAT_LINE, POINT
 from tisoft.touch import fields as f
 from tisoft.touch.awake import SEEN, longest_way, near_of, way_of
 from tisoft.touch.closest import between_lines, nearest_on_line, on_triangle
-from tisoft.touch.lists import BLUR
+from tisoft.touch.flat import fan_normal
 from tisoft.touch.near import couple_of
+from tisoft.touch.pairs import BLUR
 
 PUSH = 0.2
 """Share of a penetration that a substep takes back."""
@@ -34,16 +35,6 @@ CONE = 1e-4
 """Cosine by which a point may lie outside of a feature's normal cone."""
 EDGEWISE = 0.05
 """Cosine below which two directions count as normal to each other."""
-
-
-@ti.func
-def fan_normal(touch: ti.template(), p):
-    """Twice the area times outward normal [m²] of the triangles around a point; 0 without any."""
-    n = 0.0 * touch.place[p]
-    for k in range(touch.fan_start[p], touch.fan_start[p + 1]):
-        b, c = touch.fan[k, 0], touch.fan[k, 1]
-        n += (touch.place[b] - touch.place[p]).cross(touch.place[c] - touch.place[p])
-    return n
 
 
 @ti.func

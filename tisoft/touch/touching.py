@@ -24,7 +24,7 @@ from tisoft.obstacles import Shell
 from tisoft.touch import fields as f
 from tisoft.touch.fields import Touch
 from tisoft.touch.meetings import Meetings, stands
-from tisoft.touch.patches import SIZE, patches_of, ranges_of, sorted_surface
+from tisoft.touch.patches import SIZE, kin_of, patches_of, ranges_of, sorted_surface
 from tisoft.touch.standing import SKIN, standings_of
 from tisoft.touch.surface import Surface
 from tisoft.touch.toucher import any_touch, toucher_of
@@ -55,6 +55,7 @@ class Touching:
         self.touchers, self.standings = meetings.touchers, meetings.standings
         self.owners = meetings.owners
         self._surfaces, self._patches = self._sorted()
+        self._kin_starts, self._kin = self._find_kin()
         self.lease = self._lend()
         self._write_points()
         self._write_patches()
@@ -86,16 +87,36 @@ class Touching:
         surfaces: list[Surface | None] = []
         owners: list[list[NDArray[np.int64]]] = [[], [], []]
         bodies = 0
+        self._old: list[NDArray[np.int64]] = []
+        """Numbers that the points of each surface had before."""
         for surface, x, counts in given:
             owner = np.repeat(np.arange(bodies, bodies + len(counts)), counts)
             bodies += len(counts)
             owners[0].append(owner)
+            old = np.arange(len(owner))
             if surface is not None:
-                surface = sorted_surface(surface, x, owner)
+                surface, old = sorted_surface(surface, x, owner)
                 owners[1].append(owner[surface.triangles[:, 0]])
                 owners[2].append(owner[surface.edges[:, 0]])
             surfaces.append(surface)
+            self._old.append(old)
         return surfaces, [patches_of(np.concatenate(each)) for each in owners]
+
+    def _find_kin(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """See `patches.kin_of`: of bodies that touch themselves."""
+        folds = [toucher.self_contact for toucher in self.touchers]
+        folds += [False] * len(self.standings)
+        triangles, edges, points = [], [], 0
+        for surface, standing, may in zip(
+            self._surfaces, [None] * len(self.touchers) + list(self.standings), folds, strict=True
+        ):
+            if surface is not None:
+                triangles.append(surface.triangles + points if may else 0 * surface.triangles - 1)
+                edges.append(surface.edges + points if may else 0 * surface.edges - 1)
+                points += len(surface.points)
+            elif standing is not None:
+                points += len(standing.local)
+        return kin_of(self._patches, np.concatenate(triangles), np.concatenate(edges), points)
 
     def _lend(self) -> Lease:
         surfaces = [surface for surface in self._surfaces if surface is not None]
@@ -116,6 +137,7 @@ class Touching:
             "bodies": bodies,
             "couples": bodies * bodies,
             "patches": of_points + of_faces + of_edges,
+            "kins": len(self._kin),
             "candidates": self.width * runtime.threads(),
             "threads": runtime.threads(),
             "scenes": 1,
@@ -150,7 +172,10 @@ class Touching:
             starts["nodes"], nodes,
         )  # fmt: skip
         if self.standings:
-            places = np.concatenate([standing.local for standing in self.standings])
+            olds = self._old[len(self.touchers) :]
+            places = np.concatenate(
+                [s.local[old] for s, old in zip(self.standings, olds, strict=True)]
+            )
             self.fields.write_locals(self.standing, self._reals(places))
 
     def _write_patches(self) -> None:
@@ -160,8 +185,11 @@ class Touching:
         for kind, patches in zip(("points", "triangles", "edges"), self._patches, strict=True):
             self._own.append(ranges_of(patches, len(self.ranges)) + first)
             rows = patches + np.array([starts[kind], starts[kind], starts["bodies"]])
+            kin = self._kin_starts[first - starts["patches"] :][: len(patches) + 1, None]
+            rows = np.concatenate([rows, starts["kins"] + kin[:-1], starts["kins"] + kin[1:]], 1)
             self.fields.write_patches(first, _ints(rows))
             first += len(patches)
+        self.fields.write_kin(starts["kins"], _ints(self._kin + starts["patches"]))
 
     def _write_surface(self, s: Surface) -> NDArray[np.integer]:
         """Write a surface into the next rows; returns where its points' fans begin."""

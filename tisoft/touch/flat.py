@@ -1,0 +1,72 @@
+# mypy: ignore-errors
+"""Normals of surfaces, and which patches are too flat to touch each other (see `patches`).
+
+|a − b| + r_a + r_b < FLAT,   a, b the mean normals of two patches, r how far theirs are from it
+"""
+
+import taichi as ti
+
+from tisoft.touch import fields as f
+
+FLAT = 1.2
+"""Chord of 74 degrees."""
+NO_NORMAL = 4.0
+"""Spread of a patch one of whose points has no normal."""
+
+
+@ti.func
+def fan_normal(touch: ti.template(), p):
+    """Twice the area times outward normal [m²] of the triangles around a point; 0 without any."""
+    n = 0.0 * touch.place[p]
+    for k in range(touch.fan_start[p], touch.fan_start[p + 1]):
+        b, c = touch.fan[k, 0], touch.fan[k, 1]
+        n += (touch.place[b] - touch.place[p]).cross(touch.place[c] - touch.place[p])
+    return n
+
+
+@ti.func
+def lean(touch: ti.template(), k, normal, spread):
+    """The spread of a patch, `spread` so far, with one normal more."""
+    far = ti.max(spread, (normal - touch.patch_axis[k]).norm())
+    return far if normal.norm_sqr() > 0.5 else NO_NORMAL + 0.0 * far
+
+
+@ti.func
+def corner_of(touch: ti.template(), i, c, corners: ti.template()):
+    """Corner c of point, edge or triangle i, which has 1, 2 or 3 of them."""
+    p = i
+    if ti.static(corners == 2):
+        p = touch.edge[i, c]
+    if ti.static(corners == 3):
+        p = touch.triangle[i, c]
+    return p
+
+
+@ti.func
+def measure_bend(touch: ti.template(), k, corners: ti.template()):
+    """Axis and spread of a patch of what has 1, 2 or 3 corners, by those' normals."""
+    if touch.trait[touch.patch[k, f.OWNER], f.SELF]:
+        axis, spread = ti.Vector([0.0, 0.0, 0.0]), 0.0 * touch.ahead[0]
+        for i in range(touch.patch[k, f.BEGIN], touch.patch[k, f.END]):
+            for c in range(corners):
+                axis += touch.facing[corner_of(touch, i, c, corners)]
+        axis = axis.normalized(1e-30)
+        for i in range(touch.patch[k, f.BEGIN], touch.patch[k, f.END]):
+            for c in range(corners):
+                normal = touch.facing[corner_of(touch, i, c, corners)]
+                spread = ti.max(spread, (normal - axis).norm())
+                if normal.norm_sqr() < 0.5:
+                    spread = NO_NORMAL
+        touch.patch_axis[k], touch.patch_spread[k] = axis, spread
+
+
+@ti.func
+def is_flat(touch: ti.template(), a, b):
+    """Whether patches a and b of a body are kin and do not bend."""
+    flat = False
+    bends = (touch.patch_axis[a] - touch.patch_axis[b]).norm()
+    if bends + touch.patch_spread[a] + touch.patch_spread[b] < FLAT:
+        for k in range(touch.patch[a, f.KIN], touch.patch[a, f.KIN_END]):
+            if touch.kin[k] == b:
+                flat = True
+    return flat
