@@ -6,6 +6,7 @@
 
 import taichi as ti
 
+from tisoft.model.threads import share
 from tisoft.touch import fields as f
 
 FLAT = 1.2
@@ -32,32 +33,42 @@ def lean(touch: ti.template(), k, normal, spread):
 
 
 @ti.func
-def corner_of(touch: ti.template(), i, c, corners: ti.template()):
+def corner_of(touch: ti.template(), i, c, corners):
     """Corner c of point, edge or triangle i, which has 1, 2 or 3 of them."""
     p = i
-    if ti.static(corners == 2):
+    if corners == 2:
         p = touch.edge[i, c]
-    if ti.static(corners == 3):
+    if corners == 3:
         p = touch.triangle[i, c]
     return p
 
 
 @ti.func
-def measure_bend(touch: ti.template(), k, corners: ti.template()):
-    """Axis and spread of a patch of what has 1, 2 or 3 corners, by those' normals."""
-    if touch.trait[touch.patch[k, f.OWNER], f.SELF]:
-        axis, spread = ti.Vector([0.0, 0.0, 0.0]), 0.0 * touch.ahead[0]
-        for i in range(touch.patch[k, f.BEGIN], touch.patch[k, f.END]):
-            for c in range(corners):
-                axis += touch.facing[corner_of(touch, i, c, corners)]
-        axis = axis.normalized(1e-30)
-        for i in range(touch.patch[k, f.BEGIN], touch.patch[k, f.END]):
-            for c in range(corners):
-                normal = touch.facing[corner_of(touch, i, c, corners)]
-                spread = ti.max(spread, (normal - axis).norm())
-                if normal.norm_sqr() < 0.5:
-                    spread = NO_NORMAL
-        touch.patch_axis[k], touch.patch_spread[k] = axis, spread
+def measure_bends(touch: ti.template(), q, t, threads):
+    """Axes and spreads of thread t's patches, by the normals of their corners; of bodies that touch
+    themselves.
+    """
+    low, high = touch.order[q, f.POINT_PATCH], touch.order[q, f.PATCH_END]
+    for k in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
+        if touch.trait[touch.patch[k, f.OWNER], f.SELF]:
+            corners = 1
+            if k >= touch.order[q, f.EDGE_PATCH]:
+                corners = 2
+            elif k >= touch.order[q, f.FACE_PATCH]:
+                corners = 3
+            axis, spread = ti.Vector([0.0, 0.0, 0.0]), 0.0 * touch.ahead[0]
+            for twice in range(2):
+                for i in range(touch.patch[k, f.BEGIN], touch.patch[k, f.END]):
+                    for c in range(corners):
+                        normal = touch.facing[corner_of(touch, i, c, corners)]
+                        if twice == 0:
+                            axis += normal
+                        elif normal.norm_sqr() < 0.5:
+                            spread = NO_NORMAL
+                        else:
+                            spread = ti.max(spread, (normal - axis).norm())
+                axis = axis.normalized(1e-30)
+            touch.patch_axis[k], touch.patch_spread[k] = axis, spread
 
 
 @ti.func

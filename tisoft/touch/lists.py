@@ -10,7 +10,7 @@ import taichi as ti
 
 from tisoft.model.threads import meet, share
 from tisoft.touch import fields as f
-from tisoft.touch.flat import measure_bend
+from tisoft.touch.flat import measure_bends
 from tisoft.touch.near import (
     find_near,
     measure_blocks,
@@ -58,7 +58,6 @@ def measure_faces(touch: ti.template(), q, k):
         if free and is_blown(touch, q, low_i, high_i):
             blown = True
     touch.patch_low[k], touch.patch_high[k], touch.patch_ahead[k] = lo, hi, ahead
-    measure_bend(touch, k, 3)
     return blown
 
 
@@ -189,6 +188,7 @@ def search(s: ti.template(), scene, q, t, threads, phase, now):
     phase += 1
     meet(s, scene, phase, threads)
     measure_edges(touch, q, t, threads)
+    measure_bends(touch, q, t, threads)
     share_patches(touch, q, t, threads, f.FACE_PATCH)
     share_patches(touch, q, t, threads, f.EDGE_PATCH)
     shrunk = ti.cast(1.0, touch.real)

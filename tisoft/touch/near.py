@@ -14,7 +14,7 @@ import taichi as ti
 
 from tisoft.model.threads import share
 from tisoft.touch import fields as f
-from tisoft.touch.flat import fan_normal, is_flat, measure_bend
+from tisoft.touch.flat import fan_normal, is_flat
 
 AHEAD, FAR_AHEAD = 16.0, 24.0
 """Substeps for which a search is to last; the latter where the last one found fewer pairs than
@@ -52,7 +52,6 @@ def measure_points(touch: ti.template(), q, t, threads):
             if touch.trait[touch.patch[k, f.OWNER], f.SELF]:
                 touch.facing[p] = fan_normal(touch, p).normalized(1e-30)
         touch.patch_low[k], touch.patch_high[k], touch.patch_speed[k] = lo, hi, ti.sqrt(fast)
-        measure_bend(touch, k, 1)
 
 
 @ti.func
@@ -101,7 +100,6 @@ def measure_edges(touch: ti.template(), q, t, threads):
             touch.ball[e][3] = 0.5 * (v - u).norm()
             ahead = ti.max(ahead, touch.ahead[touch.edge[e, 0]], touch.ahead[touch.edge[e, 1]])
         touch.patch_low[k], touch.patch_high[k], touch.patch_ahead[k] = lo, hi, ahead
-        measure_bend(touch, k, 2)
 
 
 @ti.func
