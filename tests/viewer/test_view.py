@@ -231,8 +231,8 @@ def test_every_simulated_frame_is_recorded(control, tmp_path):
             control.tick()
             if control.sim.frame - begun == len(shots):
                 shots.append(control.painter.snapshot(control.sim, 0))
-        control.stop_recording()
-        while control.recording is not None:
+        control.recorder.stop()
+        while control.recorder.recording is not None:
             control.tick()
         assert control.said.endswith("holds 6 frames") and not control.error
         begun = control.sim.frame

@@ -123,7 +123,7 @@ def _step(control: Controller, options: argparse.Namespace, window: Window | Non
 
 def _complete(control: Controller, options: argparse.Namespace) -> None:
     """Write the rest of a recording; a second signal ends it there, whole."""
-    recording = control.recording
+    recording = control.recorder.recording
     if recording is None:
         return
     from tisoft.commands.render import Picture
@@ -132,7 +132,7 @@ def _complete(control: Controller, options: argparse.Namespace) -> None:
     first = stops.last_asked()
     progress = Progress(f"writing {recording.path.name}", quiet=options.quiet)
     progress.begin(len(recording))
-    pieces = control.rest_of_recording()
+    pieces = control.recorder.rest()
     with stops.held():
         try:
             for done in pieces:

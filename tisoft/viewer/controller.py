@@ -12,7 +12,7 @@ import collections
 import dataclasses
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,8 @@ from tisoft.viewer.changing import Changes
 from tisoft.viewer.hands import Hands
 from tisoft.viewer.orders import COLORS
 from tisoft.viewer.picture import Painter, Snapshot
-from tisoft.viewer.recording import Recording, free_name, recording_to
+from tisoft.viewer.recorder import Recorder
+from tisoft.viewer.recording import free_name
 
 LEAST_RATE = 60.0
 """Frames per simulated second at which hands and eyes find a scene smooth [1/s]."""
@@ -90,8 +91,7 @@ class Controller:
         self.singles = 0
         self.dropped = 0.0
         """Seconds of debt dropped so far."""
-        self.recording: Recording | None = None
-        self._finishing: Iterator[None] | None = None
+        self.recorder = Recorder()
         self._kept: Snapshot | None = None
         self._at_first = [list(body.pins) for body in scene.bodies], list(scene.obstacles)
         self._next_picture, self._cost = -np.inf, 0.0
@@ -153,7 +153,7 @@ class Controller:
         self._obey()
         if self.stale:  # changed, or stepped when no page had time for it
             self._publish()
-        if self._finishing is not None:
+        if self.recorder.writes:
             self._write_on()
             return False
         now = self.clock()
@@ -186,7 +186,7 @@ class Controller:
         """Take note of a frame that was made."""
         self._meter.append((self.clock(), self.sim.time))
         self.stale, self._kept = True, None
-        if self.recording is not None and not self.failed:
+        if self.recorder.recording is not None and not self.failed:
             self._keep()
         self._publish()
 
@@ -206,7 +206,7 @@ class Controller:
             self._obey()
             if self.stale:
                 self._publish()
-            if self._finishing is not None:
+            if self.recorder.writes:
                 self._write_on()
             elif self.paused and self.singles:
                 self.singles -= 1
@@ -264,52 +264,28 @@ class Controller:
 
     def record_to(self, path: Path) -> None:
         """Record every frame from the present one on.  Raises SceneError for a bad place."""
-        self.recording = recording_to(path, self.scene, self.color, self.hello())
+        self.recorder.begin(path, self.scene, self.color, self.hello())
         self._keep()
 
     def _keep(self) -> None:
-        assert self.recording is not None
-        if self.recording.needs_shot:
+        if self.recorder.needs_shot:
             self._kept = self.painter.snapshot(self.sim, self.hands.drag)
         try:
-            self.recording.keep(self.sim, self._kept)
+            self.recorder.keep(self.sim, self._kept)
         except TisoftError as error:
             self.error, self.said = str(error), ""
-            self.stop_recording()
-
-    def stop_recording(self) -> None:
-        """Let `tick` write the recording, piece by piece; the simulation stands still meanwhile."""
-        if self.recording is not None and self._finishing is None:
-            self._finishing = self.recording.finish()
 
     def _write_on(self) -> None:
-        assert self.recording is not None and self._finishing is not None
+        """Write a piece of what was recorded; the simulation stands still meanwhile."""
         try:
-            next(self._finishing)
-            self.want()
-            self.stale = True
-            return
-        except StopIteration:
-            self.said = f"{self.recording.path} holds {self.recording.done} frames"
+            self.said = self.recorder.write_on() or self.said
         except TisoftError as error:
             self.error = str(error)
-        self.recording, self._finishing = None, None
-        self._due, self.stale = self.clock(), True
-
-    def rest_of_recording(self) -> Iterator[int]:
-        """Write what is being recorded, a piece each time, and tell how many frames are written;
-        closed early, the file holds those.
-        """
-        self.stop_recording()
-        if self.recording is None or self._finishing is None:
-            return
-        recording, pieces = self.recording, self._finishing
-        try:
-            for _ in pieces:
-                yield recording.done
-        finally:
-            pieces.close()  # type: ignore[attr-defined]
-            self.recording, self._finishing = None, None
+        if self.recorder.writes:
+            self.want()
+        else:
+            self._due = self.clock()
+        self.stale = True
 
     # -- orders --------------------------------------------------------------------------------
 
@@ -352,8 +328,8 @@ class Controller:
     def record(self, viewer: Any, on: bool, kind: str) -> None:
         """Begin a recording in the present folder, or end the one that runs."""
         if not on:
-            self.stop_recording()
-        elif self.recording is None:
+            self.recorder.stop()
+        elif self.recorder.recording is None:
             self.record_to(free_name(kind))
             self.said = ""
 
@@ -396,7 +372,6 @@ class Controller:
 
     def status(self) -> dict[str, Any]:
         """What the panel tells, for JSON."""
-        recording = self.recording
         return {
             "time": self.sim.time,
             "real_time": self.real_time_factor(),
@@ -411,12 +386,9 @@ class Controller:
             **self.hands.told(),
             "recoveries": len(self.sim.recoveries),
             "numbers": self.changes.numbers(),
-            "recording": None if recording is None else {
-                "file": recording.path.name, "frames": len(recording), "written": recording.done,
-                "writing": self._finishing is not None,
-            },
+            "recording": self.recorder.told(),
             **self._told,
-        }  # fmt: skip
+        }
 
     def _look(self) -> dict[str, Any]:
         sim = self.sim

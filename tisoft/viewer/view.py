@@ -79,13 +79,15 @@ class View:
         """Record every frame from the present one on, into a film (.mp4, .gif, .webp) or a page
         that plays by itself (.html).  Raises SceneError for a bad place.
         """
-        if self.control.recording is not None:
-            raise SceneError(f"{self.control.recording.path} is being recorded; end that first")
+        if self.control.recorder.recording is not None:
+            raise SceneError(
+                f"{self.control.recorder.recording.path} is being recorded; end that first"
+            )
         self.control.record_to(checks.path("path", path, "a film or a page"))
 
     def end_recording(self) -> int:
         """Write what was recorded; returns its frames."""
-        return max(self.control.rest_of_recording(), default=0)
+        return max(self.control.recorder.rest(), default=0)
 
     def close(self) -> None:
         """Write what is recorded, put pins and obstacles back, and end the page."""

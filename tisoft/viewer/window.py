@@ -314,7 +314,7 @@ class Window:
         elif key == "u":
             self._post("undo")
         elif key == "v":
-            self._post("record", on=control.recording is None, kind="mp4")
+            self._post("record", on=control.recorder.recording is None, kind="mp4")
         elif key == "h":
             self._post("hold", on=not control.painter.hold)
         elif key == "f":
@@ -380,8 +380,8 @@ class Window:
             for label, do in (("frame", "step"), ("reset", "reset"), ("undo", "undo")):
                 if panel.button(label):
                     self._post(do)
-            if panel.button("end" if control.recording else "record"):
-                self._post("record", on=control.recording is None, kind="mp4")
+            if panel.button("end" if control.recorder.recording else "record"):
+                self._post("record", on=control.recorder.recording is None, kind="mp4")
             for name in ("stress", "strain", "speed", "body", "region"):
                 if panel.button(name):
                     self._post("color", name=name)
