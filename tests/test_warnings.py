@@ -106,7 +106,9 @@ def test_that_surfaces_do_not_touch_on_a_device_is_told(monkeypatch):
 
 
 def test_a_thickness_that_a_body_cannot_have_is_told():
-    """Larger than the body: refused.  Smaller than contact can keep: what it keeps instead."""
+    """Larger than the body: refused.  Smaller than contact can keep, or so large that it would meet
+    its own neighbours: what it keeps instead.
+    """
     cube, model = ts.box((0.2, 0.2, 0.2), (2, 2, 2)), ts.ViscoElastic(1e5, 0.3, 1000.0)
     scene = ts.Scene()
     body = scene.add_body(cube, model, "cube")
@@ -115,6 +117,13 @@ def test_a_thickness_that_a_body_cannot_have_is_told():
     body.thickness = 1e-9
     (told,) = warnings_of(scene)
     assert "keeps 2 mm from others, not the 1e-09 m" in told
+    body.thickness = 0.07
+    assert warnings_of(scene) == []
+    body.self_contact = True
+    (told,) = warnings_of(scene)
+    assert "keeps 50 mm from itself and others, not the 70 mm of its thickness" in told
+    (toucher,) = ts.Simulation(scene).touching.touchers
+    assert toucher.thickness == pytest.approx(0.05)
     with pytest.raises(FieldError, match=r"thickness = 10.* is only 0.2 m long"):
         body.thickness = 10.0
         body.validate()

@@ -14,7 +14,8 @@ from tisoft.gravity import strongest
 from tisoft.model.network import triangle_areas
 from tisoft.models.materials import SolidModel
 from tisoft.scene import Scene
-from tisoft.touch.surface import THINNEST
+from tisoft.touch.surface import THICKEST, THINNEST
+from tisoft.touch.toucher import kept_distance
 
 FOLDS = 100.0
 """ρ g L³/(E t²/12) from which a strip of length L and thickness t hangs down and lies in folds."""
@@ -57,19 +58,28 @@ def contact_lines(result: dict[str, Any]) -> list[str]:
     return ["contact", *lines] if lines else []
 
 
-def too_thin(body: Body) -> str | None:
-    """That a solid keeps more than its thickness; a sheet's is also what it is made of."""
-    if body.thickness is None or not body.mesh.elements or not body.contact:
+def keeping(body: Body) -> str | None:
+    """That a body keeps another distance than its thickness: more, of a solid (a sheet's is also
+    what it is made of), or less, where it touches itself.
+    """
+    if body.thickness is None or not len(body.mesh.surface) or not body.contact:
         return None
     sides = unique_edges(body.mesh.surface[:, [[0, 1], [1, 2], [2, 0]]])
     a, b = body.mesh.points[sides.T]
-    least = THINNEST * float(np.median(np.linalg.norm(b - a, axis=1)))
-    if body.thickness >= least:
+    edge = float(np.median(np.linalg.norm(b - a, axis=1)))
+    kept = kept_distance(body, edge)
+    if kept > body.thickness and body.mesh.elements:
+        others, why = "others", f"contact needs {THINNEST:g} of the median edge"
+    elif kept < body.thickness:
+        others = "itself and others"
+        why = (
+            f"within more than {THICKEST:g} of the median edge what touches itself would meet its "
+            "own neighbours (self_contact = false: it keeps all of it)"
+        )
+    else:
         return None
-    return (
-        f"keeps {metres(least)} from others, not the {metres(body.thickness)} of its thickness: "
-        f"contact needs {THINNEST:g} of the median edge"
-    )
+    thick = metres(body.thickness)
+    return f"keeps {metres(kept)} from {others}, not the {thick} of its thickness: {why}"
 
 
 def folding(body: Body, scene: Scene) -> str | None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tisoft import runtime
 from tisoft.body import Body
 from tisoft.check.cages import cage_warnings, pin_warnings
-from tisoft.check.contact import folding, too_thin
+from tisoft.check.contact import folding, keeping
 from tisoft.check.meshes import mesh_warnings
 from tisoft.gaps import gap_warnings
 from tisoft.geometry.mesh import TetMesh
@@ -67,7 +67,7 @@ def _of_body(body: Body, scene: Scene) -> Iterator[str]:
         strength = strongest(scene.gravity)
         fall = f": it falls at {strength / model.point_damping:.3g} m/s at the most"
         yield f"{name} has point damping, which brakes rigid motion too{fall if strength else ''}"
-    if told := too_thin(body):
+    if told := keeping(body):
         yield f"{name} {told}"
     if not isinstance(model, SolidModel):
         return

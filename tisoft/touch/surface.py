@@ -24,6 +24,8 @@ DEPTH = 0.5
 """The same, in edges: deeper ones have no nearest face that neighbours agree on."""
 THINNEST = 0.02
 """Least thickness, of the median edge: what the sweeps leave over would let surfaces through."""
+THICKEST = 0.5
+"""The most, of what touches itself: points that are no neighbours lie that far apart in it."""
 
 MOST_PIECES = 400
 """Into which an obstacle's edge is cut."""

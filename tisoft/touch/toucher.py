@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tisoft.model.part import Part
 from tisoft.models.materials import MassSpring
-from tisoft.touch.surface import THINNEST, Surface, surface_of
+from tisoft.touch.surface import THICKEST, THINNEST, Surface, surface_of
 
 Floats = NDArray[np.float64]
 
@@ -66,6 +66,13 @@ def touches_itself(body: Any) -> bool:
     return bool((np.unique(sides, axis=0, return_counts=True)[1] == 1).any())
 
 
+def kept_distance(body: Any, edge: float) -> float:
+    """Distance [m] that a body of this thickness keeps; `edge`: median of its surface's [m]."""
+    assert body.thickness is not None
+    kept = max(body.thickness, THINNEST * edge)
+    return min(kept, THICKEST * edge) if touches_itself(body) else kept
+
+
 def any_touch(bodies: Sequence[Any]) -> bool:
     """Whether some of the bodies may touch each other, or one itself."""
     touching = [body for body in bodies if body.contact]
@@ -79,7 +86,8 @@ def toucher_of(part: Part) -> Toucher | None:
     if not len(triangles):
         return None
     surface = surface_of(triangles, part.rest, float(part.volume.sum()))
-    thickness = body.thickness or THICKNESS[surface.is_solid] * surface.edge
-    thickness = max(thickness, THINNEST * surface.edge)
     own = body.contact and touches_itself(body)
+    thickness = THICKNESS[surface.is_solid] * surface.edge
+    if body.thickness is not None:
+        thickness = kept_distance(body, surface.edge)
     return Toucher(part, surface, thickness, body.friction, own, body.contact)
