@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import tisoft as ts
+from tisoft.changes import scene_with
 from tisoft.charting.estimate import Error, Ruler
 from tisoft.charting.judged import Judged
 from tisoft.charting.variants import Catalogue
@@ -32,6 +33,27 @@ density = 1000.0
 box = { size = [0.8, %g, 0.15], cells = [10, 1, 2] }
 """
 
+SHAPE = """
+[[body]]
+young = 1.0e6
+poisson = 0.3
+density = 1000.0
+[body.mesh]
+%s
+"""
+BAR = "box = { size = [0.3, 0.1, 0.1], cells = [3, 1, 1] }"
+HEXES = """
+box = { size = [0.3, 0.1, 0.1], cells = [3, 1, 1], split = "hex" }
+element = "hex8"
+"""
+SHAPES = {
+    "box": BAR,
+    "box of quadratic tets": f'{BAR}\nelement = "tet10"',
+    "box of hexahedra": HEXES,
+    "cylinder": "cylinder = { radius = 0.1, height = 0.4, resolution = 3 }",
+    "ball of hexahedra": 'ball = { radius = 0.1, resolution = 2, split = "hex" }',
+}
+
 
 def catalogue(path, text):
     path.write_text(text)
@@ -58,6 +80,24 @@ def test_tets_of_a_file_are_cut_once_more_once_less_and_twice_more(of_file):
 
 def test_a_region_that_is_nearly_incompressible_counts(of_file):
     assert of_file.poisson == 0.48
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_shapes_are_had_of_linear_and_quadratic_tets_and_hexahedra(tmp_path, shape):
+    """Whichever of them the scene has, and whether a split or the key `element` says so."""
+    path = tmp_path / "scene.toml"
+    found = catalogue(path, SHAPE % SHAPES[shape])
+    has = found.elements()[0]
+    for element in {"tet4", "tet10", "hex8"} - {has}:
+        variant = found.mesh(element, 1.0)
+        assert list(scene_with(str(path), variant.settings).bodies[0].mesh.cells) == [element]
+
+
+def test_a_mesh_is_a_variant_once_whatever_factors_come_to_it(tmp_path):
+    """Three cells are two, .5 and .75 times as fine."""
+    made = catalogue(tmp_path / "scene.toml", SHAPE % SHAPES["cylinder"])
+    coarser = [v.settings for v in made.meshes() if any("=2" in s for s in v.settings)]
+    assert len(coarser) == len(set(coarser)) == 3
 
 
 @pytest.mark.parametrize(("side", "ratio"), [(0.1, 1.0), (0.05, 2.0)])

@@ -38,6 +38,8 @@ from tisoft.scene import Scene
 
 DEARER = 1.5
 """Times the cost of what may keep the tolerance, above which a sharper ruler is worth its time."""
+LEAST_QUICK = 0.2
+"""Of the budget, that quick variants are given before a dear ruler, however long the first took."""
 MOST_OVER = 1.2
 """Times the budget, that the first look may take by what is known before."""
 HIGHEST_ORDER = {"tet4": 2.0}
@@ -124,7 +126,8 @@ class Survey:
                 pair for pair in self.ruling.pairs()
                 if pair.told is None and self.ruling.affords_linear(pair)
             ])  # fmt: skip
-        for share in (QUICK, self.ruling.share) if self.patient else (self.ruling.share,):
+        quick = max(QUICK, self.asking.spent() / self.budget + LEAST_QUICK)
+        for share in (quick, self.ruling.share) if self.patient else (self.ruling.share,):
             for variant in sorted(candidates, key=self._wait):
                 if tolerance and self._is_hopeless(variant, tolerance):
                     continue

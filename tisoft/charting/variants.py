@@ -24,11 +24,13 @@ CURRENT = "as it is"
 FACTORS = (0.5, 0.75, 1.5, 2.0, 3.0, 4.0)
 """By which cells along each axis are multiplied; those of files, whose tets are cut 1:8, by powers
 of two."""
-FINEST_SHAPE, LARGEST_CUT = 3.0, 50_000
-"""The largest of them for shapes, and the most tets that a file is cut in beyond the half."""
+ALWAYS, LARGEST_CUT = 3.0, 50_000
+"""The largest of them for bodies of any size, and the most cells that finer ones may have."""
 COUNTS = {"box": "cells", "cloth": "cells", "grid": "cells", "ball": "resolution",
           "cylinder": "resolution"}  # fmt: skip
 """The key of each shape that says how fine it is."""
+TETS = {"box": "five", "ball": "tets", "cylinder": "tets"}
+"""How shapes that are had of hexahedra too are cut in tets."""
 CURVED = ("ball", "cylinder")
 """Shapes whose meshes have corners where the shape has none."""
 SPRINGS_POISSON = 0.25
@@ -104,7 +106,7 @@ class Catalogue:
         has = next(iter(body.mesh.cells), "spring")
         if len(body.mesh.cells) > 1:
             return None
-        if factor > FINEST_SHAPE and body.mesh.elements * factor**3 > LARGEST_CUT:
+        if factor > ALWAYS and body.mesh.elements * factor**3 > LARGEST_CUT:
             return None
         key, made = f"body.{i}.mesh", []
         shape = _shape_of(table)
@@ -125,21 +127,15 @@ class Catalogue:
             if finer is None:
                 return None
             made += finer
-        split = table.get("box", {}).get("split", "five") if shape == "box" else None
-        if element == "hex8" and has != "hex8":
-            if split is None:
+        if element not in (has, "spring") and "hex8" in (element, has):
+            if shape not in TETS:
                 return None
-            made.append(f'{key}.box.split="hex"')
-        elif element in ("tet4", "tet10") and has == "hex8":
-            if split is None:
-                return None
-            made.append(f'{key}.box.split="five"')
-        if element == "tet10" and has != "tet10":
-            made.append(f'{key}.element="tet10"')
-        if element == "tet4" and has == "tet10":
-            if table.get("element") != "tet10":
-                return None
-            made.append(f'{key}.element="tet4"')
+            split = "hex" if element == "hex8" else TETS[shape]
+            made.append(f'{key}.{shape}.split="{split}"')
+        if element == "tet4" and has == "tet10" and "element" not in table:
+            return None  # a file's own
+        if element not in (has, "spring") and ("element" in table or element == "tet10"):
+            made.append(f'{key}.element="{element}"')
         return made
 
     def _finer(
@@ -151,8 +147,6 @@ class Catalogue:
             times = now + math.log2(factor)
             is_had = linear and times in range(now + 3)  # a file's own cells are the coarsest
             return [f"{key}.refine={times:.0f}"] if is_had else None
-        if factor > FINEST_SHAPE:
-            return None
         if shape == "cage":
             return _finer_cage(f"{key}.cage", table["cage"], factor)
         count = COUNTS[shape]
@@ -189,10 +183,12 @@ class Catalogue:
     def meshes(self) -> Iterator[Variant]:
         """All elements on coarser and finer meshes, promising ones first."""
         solid = ("tet10", "hex8") if self.springs and self.has_solid_twin else ()
+        seen = {self.given}  # few cells are as many by one factor as by the next
         for factor in (1.0, *FACTORS):
             for element in (*self.elements(), *solid):
                 found = self.mesh(element, factor)
-                if found is not None and found.settings != self.given:
+                if found is not None and found.settings not in seen:
+                    seen.add(found.settings)
                     yield found
 
     def others(self) -> Iterator[Variant]:
