@@ -8,6 +8,7 @@ import tisoft as ts
 from tisoft.changes import scene_with
 from tisoft.charting.estimate import Error, Ruler
 from tisoft.charting.judged import Judged
+from tisoft.charting.rulers import pairs_of
 from tisoft.charting.variants import Catalogue
 from tisoft.scene_file import load_scene
 
@@ -91,6 +92,22 @@ def test_shapes_are_had_of_linear_and_quadratic_tets_and_hexahedra(tmp_path, sha
     for element in {"tet4", "tet10", "hex8"} - {has}:
         variant = found.mesh(element, 1.0)
         assert list(scene_with(str(path), variant.settings).bodies[0].mesh.cells) == [element]
+
+
+def test_the_ruler_is_of_quadratic_tets_in_every_body(tmp_path):
+    """Of which one has them already."""
+    path = tmp_path / "scene.toml"
+    two = SHAPE % SHAPES["box of quadratic tets"] + SHAPE % SHAPES["cylinder"]
+    pair = catalogue(path, two).tets(1.0)
+    had = [[list(b.mesh.cells) for b in scene_with(str(path), v.settings).bodies] for v in pair]
+    assert had == [[["tet4"], ["tet4"]], [["tet10"], ["tet10"]]]
+
+
+def test_a_ruler_is_of_meshes_of_which_every_side_gets_finer(tmp_path):
+    """Beside a round body, which linear and quadratic tets on one mesh do not judge."""
+    two = SHAPE % SHAPES["box"] + SHAPE % SHAPES["cylinder"]
+    pairs = list(pairs_of(catalogue(tmp_path / "scene.toml", two), twin=False))
+    assert min(pair.ratio for pair in pairs) == 1.5
 
 
 def test_a_mesh_is_a_variant_once_whatever_factors_come_to_it(tmp_path):

@@ -28,6 +28,8 @@ TWIN = (
     "the mesh is too large for quadratic tets within the time: the ruler is a coarser twin of the "
     "shape; a chart with a larger --budget has a sharper one"
 )
+LEAST_RATIO = 1.1
+"""Of the cells of two meshes, along the side where it is the least, that tells anything."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,9 @@ def pairs_of(catalogue: Catalogue, *, twin: bool) -> Iterator[Pair]:
             range_ = estimate.SAME_MESH[catalogue.poisson > estimate.COMPRESSIBLE]
             yield Pair(*found, range_, told, last=fine == 0.5)
         if coarser is not None:
-            yield _of_meshes(catalogue, fine, told, last=fine == 0.5)
+            pair = _of_meshes(catalogue, fine, told, last=fine == 0.5)
+            if pair.ratio > LEAST_RATIO:
+                yield pair
 
 
 def _of_meshes(catalogue: Catalogue, fine: float, told: str | None, *, last: bool) -> Pair:

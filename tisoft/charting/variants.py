@@ -253,9 +253,9 @@ class Catalogue:
             changes = [f'body.{i}.mesh.element="tet10"' for i in self.varied]
             linear, fine = self.current, Variant("tet10", (*self.given, *changes))
         else:
-            has = self.elements()[0]
+            own = {kind for i in self.varied for kind in self.scene.bodies[i].mesh.cells}
             a, b = (
-                self.current if factor == 1.0 and has == e else self.mesh(e, factor)
+                self.current if factor == 1.0 and own == {e} else self.mesh(e, factor)
                 for e in ("tet4", "tet10")
             )
             if a is None or b is None:
