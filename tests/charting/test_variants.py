@@ -6,8 +6,10 @@ import pytest
 
 import tisoft as ts
 from tisoft.changes import scene_with
+from tisoft.charting.costs import Kind, predicted
 from tisoft.charting.estimate import Error, Ruler
 from tisoft.charting.judged import Judged
+from tisoft.charting.records import size_of
 from tisoft.charting.rulers import pairs_of
 from tisoft.charting.variants import Catalogue
 from tisoft.scene_file import load_scene
@@ -108,6 +110,17 @@ def test_a_ruler_is_of_meshes_of_which_every_side_gets_finer(tmp_path):
     two = SHAPE % SHAPES["box"] + SHAPE % SHAPES["cylinder"]
     pairs = list(pairs_of(catalogue(tmp_path / "scene.toml", two), twin=False))
     assert min(pair.ratio for pair in pairs) == 1.5
+
+
+@pytest.mark.parametrize(("turn", "warped"), [(0.0, False), (30.0, True)])
+def test_hexahedra_that_are_no_bricks_are_known_to_take_longer(turn, warped):
+    mesh = ts.box((0.3, 0.1, 0.1), (3, 1, 1), split="hex").transformed(rotate=(0.0, turn, 0.0))
+    scene = ts.Scene(bodies=[ts.Body("b", mesh, ts.ViscoElastic(1e6, 0.3, 1e3))])
+    size = size_of(scene, [])
+    names = ("hex8", "viscoelastic", "f32", "symplectic-euler")
+    costs = [predicted(Kind(*names, 1000, 6e3, 60.0, warped=w), []) for w in (False, warped)]
+    assert size["warped"] is warped
+    assert (costs[1] > 4.0 * costs[0]) is warped
 
 
 def test_a_mesh_is_a_variant_once_whatever_factors_come_to_it(tmp_path):

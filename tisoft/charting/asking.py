@@ -170,7 +170,7 @@ class Asking:
         return Kind(
             size["element"], size["model"], size["precision"], size["integrator"],
             size["elements"], step["substeps"] * size["frame_rate"], size["frame_rate"],
-            _threads(size), size["poisson"],
+            _threads(size), size["poisson"], size.get("warped", False),
         )  # fmt: skip
 
 

@@ -30,6 +30,8 @@ MODELS = {
 """e of a model, against St. Venant-Kirchhoff."""
 NEO_HEX = 6.9
 """e of a neo-Hookean hexahedron, beyond what its element and its model alone come to."""
+WARPED = 4.7
+"""e of a St. Venant-Kirchhoff hexahedron whose sides do not lie along the axes, against a brick."""
 DOUBLE, DOUBLE_SPRINGS = 1.7, 1.2
 """f64 against f32."""
 SMALL_STRAINS = ("linear", "mass-tensor")
@@ -68,6 +70,8 @@ class Kind:
     frame_rate: float
     threads: int = 1
     poisson: float = 0.0
+    warped: bool = False
+    """Whether it has hexahedra whose sides do not lie along the axes."""
 
     def supposed(self) -> float:
         """The cost by the tables alone."""
@@ -112,6 +116,8 @@ class Kind:
         each *= max(MODELS.get(law, 1.0) for law in laws)
         if "hex8" in words and "neo-hookean" in laws:
             each *= NEO_HEX
+        elif self.warped and "viscoelastic" in laws:
+            each *= WARPED
         if self.precision == "f64":
             each *= DOUBLE_SPRINGS if words == ["spring"] else DOUBLE
         return TET * each * LANES * math.ceil(self.elements / LANES)

@@ -147,7 +147,17 @@ def size_of(scene: Scene, places: list[Place]) -> dict[str, Any]:
         "integrator": scene.integrator,
         "frame_rate": scene.frame_rate,
         "poisson": max((poisson_of(body) for body in scene.bodies), default=0.0),
+        "warped": any(_is_warped(body.mesh) for body in scene.bodies),
     }
+
+
+def _is_warped(mesh: Mesh) -> bool:
+    """Whether it has hexahedra whose sides do not lie along the axes, which take longer."""
+    from tisoft.elements import element
+    from tisoft.elements.brick import Brick
+
+    hexes = mesh.cells.get("hex8")
+    return hexes is not None and element("hex8", mesh.points, hexes)[0] is not Brick
 
 
 def _front(mesh: Mesh) -> float:
