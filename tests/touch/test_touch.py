@@ -124,6 +124,28 @@ def test_two_blocks_head_on():
     assert energy["contact"] == pytest.approx(start - leapfrog_energy(sim), rel=2e-3)
 
 
+def test_velocity_verlet_ends_its_frames_with_velocities_that_contact_allows():
+    """Else the energy of a frame in contact is too high, and what contact then takes is counted
+    though nothing had given it (.22 J of .25): the account misses O(h²), as without contact.
+    """
+    missed = []
+    for step in (1.25e-3, 6.25e-4):
+        scene = blocks(integrator="velocity-verlet")
+        scene.step = step
+        sim = simulation(scene, threads=1)
+        start, frames = sum(sim.energies().values()), 0
+        for _ in sim.frames(0.15):
+            assert sum(sim.energies().values()) < 1.001 * start
+            frames += sim.touching.fields.order[sim.touching.scene, f.COUNT] > 0
+        assert frames > 10
+        a, b = mean_velocities(sim)
+        assert (b - a)[0] == pytest.approx(0.747, abs=0.01)
+        energy = sim.energy()
+        missed.append(abs(energy["error"]) / energy["contact"])
+    assert missed[1] < 0.01
+    assert missed[0] / missed[1] == pytest.approx(4.0, rel=0.15)
+
+
 def test_blocks_that_meet_at_twenty_metres_a_second_part_again():
     """A third of the speed of sound: nothing passes through, and no energy is gained."""
     scene = blocks(speed=10.0, apart=0.03)

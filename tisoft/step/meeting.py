@@ -183,7 +183,7 @@ def touch_nodes(s: ti.template(), scene, t, threads, phase, now, stale):
     q = s.state.ranges[scene, TOUCH_SCENE]
     thread, base = s.surfaces.order[q, f.THREAD], s.surfaces.order[q, f.NODE] - low
     back = s.state.ranges[scene, 15] - low
-    is_met = (s.surfaces.order[q, f.COUNT] > 0 or stale) and now.opens
+    is_met = s.surfaces.order[q, f.COUNT] > 0 or stale
     eases = s.surfaces.length[q, f.LEFT] > 0.0
     moving = s.surfaces.order[q, f.MOVING]
     if ti.static(s.contact):
@@ -214,7 +214,7 @@ def touch_nodes(s: ti.template(), scene, t, threads, phase, now, stale):
         s.surfaces.most[thread + t, f.FOUND] = rows
         phase += 1
         meet(s, scene, phase, threads)
-        if t == 0 and eases:
+        if t == 0 and eases and now.opens:
             falls = now.h * s.surfaces.length[q, f.RATE]
             s.surfaces.length[q, f.LEFT] = ti.max(s.surfaces.length[q, f.LEFT] - falls, 0.0)
         if t == 0:

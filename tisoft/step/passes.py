@@ -130,7 +130,7 @@ def walk(s: ti.template(), scene, t, threads):
                 meet(s, scene, phase, threads)
         if ti.static(s.meets):
             if task == MOVE:
-                stale = is_stale(s, scene, threads) or (stale and not now.opens)
+                stale = is_stale(s, scene, threads)
         number += 1
         if task != PUSH and number % passes == 0:
             record.sum_up(s, scene, t, threads)

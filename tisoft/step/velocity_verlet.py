@@ -24,13 +24,15 @@ class VelocityVerlet:
     @staticmethod
     @ti.func
     def ahead(state: ti.template(), i, a, now):
-        """The velocity that would move node i [m/s], with acceleration a [m/s²]; reads velocity and
-        half.
+        """The velocity that would move node i [m/s], with acceleration a [m/s²], or that with which
+        a frame would end; reads velocity and half.
         """
         v = state.velocity[i]
         if now.closes:
             v = state.half[i] + 0.5 * now.h * a
-        return v + 0.5 * now.h * a
+        if now.opens:
+            v += 0.5 * now.h * a
+        return v
 
     @staticmethod
     @ti.func
@@ -53,6 +55,8 @@ class VelocityVerlet:
         if now.opens:
             kick += 0.5 * h
         ahead = new + 0.5 * h * a + met  # the velocity that moves the node
+        if not now.opens:
+            new += met
         push, jump = 0.0 * a, 0.0 * a
         if ti.static(contact):
             if state.fixed[i] != 7:
