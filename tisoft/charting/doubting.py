@@ -89,8 +89,8 @@ def may_meet(scene: Scene, most: float | None) -> bool:
 def surfaces_touch(scene: Scene, most: float | None) -> bool:
     """Whether contact of surfaces is compiled: of sheets with themselves, of faces with what is
     small, of bodies."""
+    from tisoft.touch.keeping import touches_itself
     from tisoft.touch.meetings import stands
-    from tisoft.touch.toucher import touches_itself
 
     folded = any(touches_itself(body) for body in scene.bodies)
     small = any(stands(obstacle) for obstacle in scene.obstacles)

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tisoft.model.part import Part
-from tisoft.models.materials import MassSpring
-from tisoft.touch.surface import THICKEST, THINNEST, Surface, surface_of
+from tisoft.touch.keeping import kept_distance, touches_itself
+from tisoft.touch.surface import Surface, surface_of
 
 Floats = NDArray[np.float64]
 
@@ -53,24 +53,6 @@ class Toucher:
         along = normal @ normal.sum(axis=0)
         size = np.linalg.norm(normal, axis=1) * np.linalg.norm(normal.sum(axis=0))
         return bool((along < FOLDED * size).any())
-
-
-def touches_itself(body: Any) -> bool:
-    """Whether a body's surface does: as its key says, else sheets of springs, which have a rim."""
-    if body.self_contact is not None:
-        return bool(body.self_contact)
-    surface = np.asarray(body.mesh.surface)
-    if not isinstance(body.model, MassSpring) or not len(surface):
-        return False
-    sides = np.sort(surface[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    return bool((np.unique(sides, axis=0, return_counts=True)[1] == 1).any())
-
-
-def kept_distance(body: Any, edge: float) -> float:
-    """Distance [m] that a body of this thickness keeps; `edge`: median of its surface's [m]."""
-    assert body.thickness is not None
-    kept = max(body.thickness, THINNEST * edge)
-    return min(kept, THICKEST * edge) if touches_itself(body) else kept
 
 
 def any_touch(bodies: Sequence[Any]) -> bool:
