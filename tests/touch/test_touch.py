@@ -553,6 +553,10 @@ def test_a_slab_that_starts_in_closed_triangles_is_refused():
         simulation(scene, threads=1)
 
 
+FAR_BELOW = ts.Plane((0, -10, 0))
+"""So that all scenes of cloth run in one kernel."""
+
+
 def pendulum(self_contact=None):
     """A cloth that is lifted and let go: it swings down, folds and hits itself."""
     scene = ts.Scene(frame_rate=50.0)
@@ -561,6 +565,7 @@ def pendulum(self_contact=None):
     body = scene.add_body(mesh, model)
     body.self_contact = self_contact
     body.pin(ts.where.box((-1e-6, -1, -1), (1e-6, 1, 1)))
+    scene.add_obstacle(FAR_BELOW)
     sim = simulation(scene, threads=1)
     x, a = sim.positions(), np.radians(85)
     ripple = 0.02 * np.sin(5 * x[:, 0]) * x[:, 0]
@@ -590,6 +595,26 @@ def test_cloth_that_folds_does_not_cross_itself():
     assert re.match(r'\d+ edges of the triangles of sheets \("body0"\) pass', sim.warnings[0])
 
 
+@pytest.mark.parametrize("degrees", [10, 20])
+def test_cloth_over_cloth_is_not_pressed_through_it(degrees):
+    """Near the longest stable step kicks throw sheets apart that their neighbours press together
+    within the same substep: what keeps them apart has to be there before it is needed.
+    """
+    scene = ts.Scene(frame_rate=100.0)
+    scene.add_obstacle(ts.Sphere((0, -0.2, 0), 0.2, friction=0.5))
+    mesh = ts.cloth(size=(0.8, 0.8), cells=(10, 10))
+    for k in range(2):
+        place = (0.03 * k - 0.4, 0.03 + 0.03 * k, -0.4)
+        turned = mesh.transformed(rotate=(0, degrees * k, 0), translate=place)
+        scene.add_body(turned, ts.MassSpring(stiffness=100.0, node_mass=0.005))
+    sim = simulation(scene, threads=1)
+    sheet = np.asarray(mesh.surface)
+    both = np.concatenate([sheet, sheet + len(mesh.points)])
+    every = [frame.positions() for frame in sim.frames(0.5)]
+    assert max(len(crossings(x, both)) for x in every) == 0
+    assert sim.touching.counts()["rows"] > 1000
+
+
 def test_layers_of_a_folded_sheet_find_each_other_though_flat_patches_are_left_out():
     """All points and triangles nearer than their thickness are listed, by a look at every one; and
     patches that are kin and do not bend, next to each other in each layer, are not looked at.
@@ -598,6 +623,7 @@ def test_layers_of_a_folded_sheet_find_each_other_though_flat_patches_are_left_o
     mesh = ts.cloth(size=(1.2, 0.3), cells=(48, 12))
     body = scene.add_body(mesh, ts.MassSpring(stiffness=60.0, node_mass=6.6e-4), "sheet")
     body.self_contact, body.thickness = True, 0.01
+    scene.add_obstacle(FAR_BELOW)
     sim = simulation(scene, threads=1)
     x = sim.positions()
     layer = np.minimum(x[:, 0] // 0.4, 2)

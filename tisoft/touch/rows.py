@@ -137,8 +137,8 @@ def ease(touch: ti.template(), q, b, c, h):
 
 @ti.func
 def write_row(touch: ti.template(), row, w, n, distance, drift, eased, h):
-    """Make a row, whose `corner` stand there, where its gap would close within the substep; returns
-    whether.
+    """Make a row, whose `corner` stand there, where its gap would close within the substep, or has:
+    kicks may part what other rows then press together.  Returns whether.
     """
     rate = drift
     for k in ti.static(range(4)):
@@ -157,7 +157,7 @@ def write_row(touch: ti.template(), row, w, n, distance, drift, eased, h):
     elif eased[1] > 0.0:  # both bodies' points count it
         outside = 0.5 * ti.max(target, 0.0 * target)
     near = 0
-    if rate.dot(n) < target:
+    if rate.dot(n) < target or gap < 0.0:
         near = 1
         for k in ti.static(range(4)):
             touch.share[row, k] = w[k]
