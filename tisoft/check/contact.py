@@ -14,8 +14,7 @@ from tisoft.gravity import strongest
 from tisoft.model.network import triangle_areas
 from tisoft.models.materials import SolidModel
 from tisoft.scene import Scene
-from tisoft.touch.keeping import kept_distance
-from tisoft.touch.surface import THICKEST, THINNEST
+from tisoft.touch.keeping import THICKEST, THINNEST, kept_distance
 
 FOLDS = 100.0
 """ρ g L³/(E t²/12) from which a strip of length L and thickness t hangs down and lies in folds."""

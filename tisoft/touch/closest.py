@@ -91,30 +91,23 @@ def clamped(value):
 
 @ti.func
 def along_edges(a, b, c, d):
-    """s and t of the points a + s (b − a) and c + t (d − c) of two edges nearest to each other."""
+    """s and t of the points a + s (b − a) and c + t (d − c) of two edges nearest to each other;
+    without branches, which lists of many would often guess wrong.
+    """
     u, v, r = b - a, d - c, a - c
     uu, vv, uv, ur, vr = u.dot(u), v.dot(v), u.dot(v), u.dot(r), v.dot(r)
     det = uu * vv - uv * uv
-    s = 0.0 * det
-    if det > 0.0:
-        s = clamped((uv * vr - vv * ur) / det)
-    t = clamped((uv * s + vr) / vv)
-    s = clamped((uv * t - ur) / uu)
+    s = clamped(ti.select(det > 0.0, (uv * vr - vv * ur) / det, 0.0 * det))
+    t = clamped((uv * s + vr) / ti.max(vv, 1e-30))
+    s = clamped((uv * t - ur) / ti.max(uu, 1e-30))
     return s, t
 
 
 @ti.func
 def between_edges(a, b, c, d):
-    """Square of the distance [m²] of two edges, ends included; without branches, which lists of
-    many would often guess wrong.
-    """
-    u, v, r = b - a, d - c, a - c
-    uu, vv, uv, ur, vr = u.dot(u), v.dot(v), u.dot(v), u.dot(r), v.dot(r)
-    long, short = 1.0 / ti.max(uu, 1e-30), 1.0 / ti.max(vv, 1e-30)
-    s = clamped((uv * vr - vv * ur) * (1.0 / ti.max(uu * vv - uv * uv, 1e-30)))
-    t = clamped((uv * s + vr) * short)
-    s = clamped((uv * t - ur) * long)
-    return (r + s * u - t * v).norm_sqr()
+    """Square of the distance [m²] of two edges, ends included."""
+    s, t = along_edges(a, b, c, d)
+    return (a + s * (b - a) - c - t * (d - c)).norm_sqr()
 
 
 @ti.func

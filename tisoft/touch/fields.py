@@ -227,7 +227,7 @@ class Touch:
         self.group = field(ti.i32, "candidates", 2)
         """In the first row of those of a patch: the row after the last, and the patch."""
         self.reach = field(real, "candidates")
-        """Distance [m] up to which each makes pairs."""
+        """In the same row: distance [m] up to which those make pairs."""
         self.trait = field(ti.i32, "bodies", TRAITS)
         self.number = field(real, "bodies", NUMBERS)
         self.spin = field(vec3, "bodies")

@@ -7,7 +7,11 @@ from typing import Any
 import numpy as np
 
 from tisoft.models.materials import MassSpring
-from tisoft.touch.surface import THICKEST, THINNEST
+
+THINNEST = 0.02
+"""Least thickness, of the median edge: what the sweeps leave over would let surfaces through."""
+THICKEST = 0.5
+"""The most, of what touches itself: points that are no neighbours lie that far apart in it."""
 
 
 def touches_itself(body: Any) -> bool:

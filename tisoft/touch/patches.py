@@ -2,7 +2,8 @@
 
 What hangs together and hardly bends does not touch itself (Volino and Magnenat-Thalmann 1994): two
 patches of a body that share or join points are kin, and not looked at while all their normals
-differ by less than a right angle.  Not where both reach the border: there a slit may close.
+differ by less than a right angle (`flat.FLAT`).  Not where both reach the border: there a slit may
+close.
 """
 
 from __future__ import annotations

@@ -22,10 +22,6 @@ THIN = 0.9
 the thickness of a slab is volume/area)."""
 DEPTH = 0.5
 """The same, in edges: deeper ones have no nearest face that neighbours agree on."""
-THINNEST = 0.02
-"""Least thickness, of the median edge: what the sweeps leave over would let surfaces through."""
-THICKEST = 0.5
-"""The most, of what touches itself: points that are no neighbours lie that far apart in it."""
 
 MOST_PIECES = 400
 """Into which an obstacle's edge is cut."""

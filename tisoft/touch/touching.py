@@ -30,6 +30,7 @@ from tisoft.touch.surface import Surface
 from tisoft.touch.toucher import any_touch, toucher_of
 
 Floats = NDArray[np.float64]
+Rows = NDArray[np.int64]
 
 MARGIN = (0.25, 4.0)
 TOLERANCE = 0.02
@@ -54,7 +55,7 @@ class Touching:
         self.meetings = meetings
         self.touchers, self.standings = meetings.touchers, meetings.standings
         self.owners = meetings.owners
-        self._surfaces, self._patches = self._sorted()
+        self._surfaces, self._old, self._patches = self._sorted()
         self._kin_starts, self._kin = self._find_kin()
         self.lease = self._lend()
         self._write_points()
@@ -73,9 +74,10 @@ class Touching:
         """The scene's row."""
         return self.lease.starts["scenes"]
 
-    def _sorted(self) -> tuple[list[Surface | None], list[NDArray[np.int64]]]:
-        """Surfaces in the order in which they are written, None for a core, and the patches of
-        points, triangles and edges, all counted from 0.
+    def _sorted(self) -> tuple[list[Surface | None], list[Rows], list[Rows]]:
+        """Surfaces in the order in which they are written, None for a core; the numbers that the
+        points of each had before; and the patches of points, triangles and edges, all counted from
+        0.
         """
         given: list[tuple[Surface | None, Floats, list[int]]] = []
         for toucher in self.touchers:
@@ -85,10 +87,9 @@ class Touching:
             counts = [b - a for a, b in standing.patches]
             given.append((standing.surface, standing.rest, counts))
         surfaces: list[Surface | None] = []
-        owners: list[list[NDArray[np.int64]]] = [[], [], []]
+        owners: list[list[Rows]] = [[], [], []]
         bodies = 0
-        self._old: list[NDArray[np.int64]] = []
-        """Numbers that the points of each surface had before."""
+        olds = []
         for surface, x, counts in given:
             owner = np.repeat(np.arange(bodies, bodies + len(counts)), counts)
             bodies += len(counts)
@@ -99,23 +100,21 @@ class Touching:
                 owners[1].append(owner[surface.triangles[:, 0]])
                 owners[2].append(owner[surface.edges[:, 0]])
             surfaces.append(surface)
-            self._old.append(old)
-        return surfaces, [patches_of(np.concatenate(each)) for each in owners]
+            olds.append(old)
+        return surfaces, olds, [patches_of(np.concatenate(each)) for each in owners]
 
-    def _find_kin(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def _find_kin(self) -> tuple[Rows, Rows]:
         """See `patches.kin_of`: of bodies that touch themselves."""
         folds = [toucher.self_contact for toucher in self.touchers]
         folds += [False] * len(self.standings)
-        triangles, edges, points = [], [], 0
-        for surface, standing, may in zip(
-            self._surfaces, [None] * len(self.touchers) + list(self.standings), folds, strict=True
-        ):
+        triangles: list[NDArray[np.integer]] = []
+        edges: list[NDArray[np.integer]] = []
+        points = 0
+        for surface, old, may in zip(self._surfaces, self._old, folds, strict=True):
             if surface is not None:
-                triangles.append(surface.triangles + points if may else 0 * surface.triangles - 1)
-                edges.append(surface.edges + points if may else 0 * surface.edges - 1)
-                points += len(surface.points)
-            elif standing is not None:
-                points += len(standing.local)
+                for found, rows in ((triangles, surface.triangles), (edges, surface.edges)):
+                    found.append(rows + points if may else np.full_like(rows, -1))
+            points += len(old)
         return kin_of(self._patches, np.concatenate(triangles), np.concatenate(edges), points)
 
     def _lend(self) -> Lease:
@@ -180,7 +179,7 @@ class Touching:
 
     def _write_patches(self) -> None:
         starts, first = self.lease.starts, self.lease.starts["patches"]
-        self._own: list[NDArray[np.int64]] = []
+        self._own: list[Rows] = []
         """Where each body's patches of a kind begin and end."""
         for kind, patches in zip(("points", "triangles", "edges"), self._patches, strict=True):
             self._own.append(ranges_of(patches, len(self.ranges)) + first)
