@@ -156,7 +156,7 @@ CASES: dict[str, Case] = {
     ),
     "soft block": Case(
         "gravity = [0, -9.81, 0]\nduration = 0.5\n" + BLOCK, (2.4166, 2.7023, 2.9272),
-        [[0.010147, -0.010078, 0.000041]], {"sag": 1e-2, "frequency": 3e-3},
+        [[0.01023, -0.01018, 0.00003]], {"sag": 3e-3, "frequency": 3e-3},
     ),
     "column": Case(
         "gravity = [4, -9.81, 0]\nduration = 1\n" + COLUMN, (1.4902, 1.4901, 4.2258),
@@ -181,7 +181,9 @@ def measure(name: str) -> dict[str, Any]:
         whole.measure(others=False)
         judged = {v.name: v for v in whole.judged()}
         truth = dict(case.truth())
-        whole.judging.rulers = truth
+        whole.judging.rulers, whole.judging.linear = truth, None
+        for variant in whole.asking.variants:  # those too that linear elasticity stood in for
+            whole.asking.ask("static", variant, always=True)
         true = {v.name: v for v in whole.judged()}
         timed = _timed(whole, true, [found["choice"] for found in asked.values()])
         return {

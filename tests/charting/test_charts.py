@@ -22,7 +22,7 @@ from tisoft.charting.page import page
 from tisoft.charting.picture import files
 from tisoft.charting.places import Place
 from tisoft.charting.records import Bench, linear_static_of, modes_of, static_of
-from tisoft.charting.rulers import Pair, agreed, ruler_of
+from tisoft.charting.rulers import Pair, agreed, ratios_of_family, ruler_of, ruler_of_family
 from tisoft.charting.ruling import Ruling
 from tisoft.charting.survey import Survey
 from tisoft.charting.thumbnails import picture
@@ -130,6 +130,19 @@ def test_an_answer_is_found_next_to_that_of_a_coarser_mesh(scene):
         assert found.iterations <= systems
 
 
+def test_a_rough_guess_of_a_nearly_incompressible_body_is_no_reason_to_begin_at_rest(scene):
+    """A bar at ν = .49 turned by 70°: next to linear tets cells of quadratic ones are pressed until
+    they are unstable, and their answer is a few systems away all the same."""
+    turn = "turn = { point = [0, 0.1, 0.1], axis = [1, 0, 0], rate = 1.2 }\n"
+    end = "[[body.pin]]\nwhere = { box = [[0.999, -1, -1], [1.001, 1, 1]] }\n"
+    scene.write_text(BEAM.replace("[[probe]]", end + turn + "[[probe]]").replace("0.3", "0.49"))
+    (_, moved), fine = static_of(load_scene(scene), []), load_scene(scene, [QUADRATIC])
+    sought = equilibrium(fine)
+    found = equilibrium(fine, near=carried(*moved[0], fine.bodies[0].mesh.points))
+    assert found.positions == pytest.approx(sought.positions, abs=1e-9)
+    assert found.iterations <= sought.iterations // 2
+
+
 @pytest.mark.parametrize("flat", [1.0, 0.0])
 def test_displacements_are_carried_from_node_to_node(flat):
     """Those of second order to rounding, in space and in a plane; and nodes keep their own."""
@@ -181,6 +194,34 @@ def test_three_meshes_tell_the_same_whatever_the_ratios_of_their_cells():
         assert estimate.halved(r, before, ratio) == pytest.approx(2.0**-1.8, rel=1e-6)
         three = estimate.ruler_of_three([truth + off * h**1.8 for h in sizes], ratio, before)
         assert three.error(truth).value < 0.3 * three.bar
+
+
+def test_four_meshes_tell_far_more_sharply_than_two_where_they_converge():
+    """A bar turned by 90°: its energy is 107.83 J (27-node hexahedra).  Answers that jump, or that
+    meshes of another shape give, are no such ruler."""
+    energies, ratios = [112.4146, 109.1988, 108.4011, 107.9790], [3.0, 2.0, 1.5, 1.0]
+    found = estimate.ruler_of_many(energies, ratios)
+    two = estimate.ruler(energies[1], energies[3], estimate.TWO_MESHES[0])
+    assert found.error(107.83).value < found.bar < 0.3 * two.bar
+    assert estimate.ruler_of_many([112.4, 109.2, 110.4, 108.0], ratios) is None
+    modes = [[5.0 + 0.1 * h**2, 9.0 + 0.2 * h**2, 9.5 + 0.1 * h**3] for h in ratios]
+    assert ruler_of_family("frequency", modes, ratios).value == pytest.approx([5.0, 9.0, 9.5])
+
+
+def test_cells_of_one_family_are_the_finest_ones_but_for_their_size(scene):
+    bar = Survey(scene, 1e6).catalogue  # cells of 0.75 are 8 x 2 x 2, where 7.5 x 1.5 were asked
+    assert list(ratios_of_family(bar, [0.5, 0.75, 1.0, 1.5, 2.0])) == [0.5, 1.0, 1.5, 2.0]
+    assert list(ratios_of_family(bar, [0.5, 1.0, 1.5, 3.0])) == [1.0, 1.5, 3.0]  # too coarse
+
+
+def test_coarse_meshes_that_swing_tell_nothing_of_nearly_incompressible_bodies():
+    """The corner of a block at ν = .49 on 3 x 2 x 2 cells, and on twice and four times as many: it
+    lies at (10.23, -10.18, .03) mm, by hexahedra and tets of three meshes extrapolated."""
+    answers = np.array([[9.899, -10.601, 0.828], [9.820, -9.665, 0.167], [9.998, -9.896, 0.089]])
+    truth, two = np.array([10.23, -10.18, 0.03]), estimate.TWO_MESHES[1]
+    found = estimate.ruler_of_three(answers, two=two)
+    assert found.error(truth).value < found.bar
+    assert found.bar == estimate.ruler(*answers[1:], two).bar
 
 
 def test_nearly_incompressible_bodies_have_a_ruler_whose_bar_holds_the_truth(scene):

@@ -105,6 +105,23 @@ def test_the_ruler_is_of_quadratic_tets_in_every_body(tmp_path):
     assert had == [[["tet4"], ["tet4"]], [["tet10"], ["tet10"]]]
 
 
+def test_what_judges_itself_is_judged_by_ever_finer_meshes_of_itself(tmp_path):
+    path = tmp_path / "net.toml"
+    path.write_text("""
+    [[body]]
+    model = "mass-spring"
+    young = 1e5
+    density = 300
+    thickness = 0.002
+    [body.mesh]
+    cloth = { size = [1, 1], cells = [4, 4] }
+    """)
+    pairs = list(pairs_of(Catalogue(str(path), load_scene(path), ()), twin=False))
+    names = [(pair.worse.name[8:11], pair.better.name[8:11]) for pair in pairs]
+    assert names == [("", "1.5"), ("", "2 x"), ("1.5", "3 x"), ("2 x", "4 x")]
+    assert {pair.ratio for pair in pairs} == {1.5, 2.0}
+
+
 def test_a_ruler_is_of_meshes_of_which_every_side_gets_finer(tmp_path):
     """Beside a round body, which linear and quadratic tets on one mesh do not judge."""
     two = SHAPE % SHAPES["box"] + SHAPE % SHAPES["cylinder"]

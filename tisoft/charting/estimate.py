@@ -9,6 +9,8 @@ From a worse answer C and a better one F the truth is F + γ (F − C), γ withi
     the same where a third mesh, coarser still, shows them converge: r = D'·D/|D|² of the two
     differences D (from it to C), D' (from C to F)        .05 … 1.2 r/(1 − r), from .65 to 1.3
     springs, cages on cells of half the size              −.33 … 1 (order 2 or 1)
+    quadratic tets on four meshes or more                 what each two with the finest foretell,
+                                                          and .1 more to both sides
     balls, cylinders                                      see `curves`
 
 measured on shapes whose continuum values are known or were computed on finer meshes: beams, a
@@ -22,6 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -38,8 +41,12 @@ COMPRESSIBLE = 0.35
 """The largest Poisson's ratio of the former."""
 OWN_MODEL: Range = (0.33, 0.67)
 """For springs and cages, which have nothing better than themselves on a finer mesh."""
+ORDERS, MORE = (0.7, 4.0), 0.1
+"""Orders of errors that meshes show where they converge, and what is added to the bar of four
+meshes or more: a share of what the last halving changes."""
 SWINGING: Range = (0.0, 0.5)
-"""Where the differences of three meshes point to opposite sides."""
+"""Where the differences of three meshes point to opposite sides; those of nearly incompressible
+bodies tell then what the finer two do."""
 ORDER = 1.8
 LEAST, MOST_CERTAIN, MOST = 0.05, 0.65, 1.3
 """Ends of the range of three meshes."""
@@ -117,17 +124,25 @@ def scaled(range_: Range, ratio: float) -> Range:
     return range_[0] * share, range_[1] * share
 
 
-def ruler_of_three(answers: Sequence[Any], ratio: float = 2.0, before: float = 2.0) -> Ruler:
+def ruler_of_three(
+    answers: Sequence[Any],
+    ratio: float = 2.0,
+    before: float = 2.0,
+    two: Range = TWO_MESHES[0],
+) -> Ruler:
     """The ruler from answers on three meshes, from coarse to fine, as far as they converge.
 
     Args:
         answers: a quantity on each, of any shape.
         ratio: of the cells of the last two.
         before: of the cells of the first two.
+        two: the range of γ by the finer two alone.
     """
     coarse, middle, fine = (np.asarray(v, np.float64) for v in answers)
     first, second = middle - coarse, fine - middle
     r = float((first * second).sum()) / max(_norm(first) ** 2, 1e-300)
+    if r < -LEAST and two == TWO_MESHES[1]:
+        return ruler(middle, fine, two, ratio)
     about, half = scaled(converging(halved(r, before, ratio)), ratio)
     value = fine + about * second
     aside = ASIDE * _norm(second - r * first)
@@ -141,14 +156,41 @@ def halved(r: float, before: float, ratio: float) -> float:
 
         r = (ρ₂ᵖ − 1)/(ρ₂ᵖ (ρ₁ᵖ − 1)),   ρ₁ before and ρ₂ ratio
     """
+    return r if r <= 0.0 else 2.0 ** -_order(r, before, ratio)
+
+
+def _order(r: float, before: float, ratio: float) -> float:
+    """The order p of errors that a ratio of two differences shows."""
     low, high = 0.05, 8.0
-    if r <= 0.0:
-        return r
     for _ in range(30):
         p = 0.5 * (low + high)
         is_lower = (1.0 - ratio**-p) / (before**p - 1.0) > r
         low, high = (p, high) if is_lower else (low, p)
-    return float(2.0**-low)
+    return low
+
+
+def ruler_of_many(answers: Sequence[Any], ratios: Sequence[float]) -> Ruler | None:
+    """The ruler from answers on four meshes or more: the middle between what each two foretell with
+    the finest.  None where the order that some show is not one of convergence.
+
+    Args:
+        answers: a quantity on each, of any shape, from coarse to fine.
+        ratios: of the cells of each to those of the finest.
+    """
+    *coarse, fine = (np.asarray(v, np.float64) for v in answers)
+    beyond = []
+    for (a, before), (b, ratio) in combinations(zip(coarse, ratios, strict=False), 2):
+        first, second = b - a, fine - b
+        r = float((first * second).sum()) / max(_norm(first) ** 2, 1e-300)
+        p = _order(r, before / ratio, ratio)
+        if not ORDERS[0] < p < ORDERS[1]:
+            return None
+        beyond.append(fine + second / (ratio**p - 1.0))
+    value = 0.5 * (np.max(beyond, axis=0) + np.min(beyond, axis=0))
+    last, ratio = min(zip(coarse, ratios, strict=False), key=lambda of: abs(of[1] - 2.0))
+    apart = max(_norm(one - value) for one in beyond)
+    bar = apart + scaled((0.0, MORE), ratio)[1] * _norm(fine - last)
+    return Ruler(value, bar / max(_norm(value), 1e-300))
 
 
 def converging(r: float) -> Range:

@@ -6,6 +6,7 @@ Where a scene has no tets (a cage, nets of springs), its own element on a finer 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -30,6 +31,12 @@ TWIN = (
 )
 LEAST_RATIO = 1.1
 """Of the cells of two meshes, along the side where it is the least, that tells anything."""
+
+ALIKE = 1.15
+"""The most by which ratios of the cells of two meshes differ from one axis to another, where both
+are of one family."""
+FURTHEST = 4.2
+"""Ratio of cells to the finest of a family, beyond which a mesh tells nothing of it."""
 
 
 @dataclass(frozen=True)
@@ -59,11 +66,12 @@ def pairs_of(catalogue: Catalogue, *, twin: bool) -> Iterator[Pair]:
     elif catalogue.tets(1.0 if not twin else 0.5) is None:
         own = catalogue.elements()[0], OWN_HEXES
     if own is not None:
-        for factor in (1.5, 2.0):
-            finer = catalogue.mesh(own[0], factor)
-            if finer is not None:
-                ratio = catalogue.ratio(1.0, factor)
-                yield Pair(catalogue.current, finer, estimate.OWN_MODEL, own[1], ratio)
+        for coarse, fine in ((1.0, 1.5), (1.0, 2.0), (1.5, 3.0), (2.0, 4.0)):
+            worse = catalogue.current if coarse == 1.0 else catalogue.mesh(own[0], coarse)
+            finer = catalogue.mesh(own[0], fine)
+            if worse is not None and finer is not None:
+                ratio = catalogue.ratio(coarse, fine)
+                yield Pair(worse, finer, estimate.OWN_MODEL, own[1], ratio)
         return
     told = TWIN if twin else None
     for fine in (0.75, 0.5) if twin else (1.0, 1.5, 2.0, 3.0, 4.0):
@@ -102,16 +110,42 @@ def ruler_of(what: str, answers: Sequence[Any], pair: Pair) -> Ruler:
         answers: of the pair's variants from worse to better, two or three.
         pair: that they are of.
     """
-    if what == "frequency":  # each mode by itself; the bar is that of the root mean square
-        modes = [_ruler([a[k] for a in answers], pair) for k in range(len(answers[0]))]
-        value = np.array([float(mode.value) for mode in modes])
-        return Ruler(value, float(np.sqrt(np.mean([mode.bar**2 for mode in modes]))))
+    if what == "frequency":  # each mode by itself
+        return _of_modes([_ruler([a[k] for a in answers], pair) for k in range(len(answers[0]))])
     return _ruler(answers, pair)
+
+
+def ratios_of_family(catalogue: Catalogue, factors: Sequence[float]) -> dict[float, float]:
+    """Ratios of cells to those of the finest factor, by factor from coarse to fine: of meshes whose
+    cells are the finest ones' but for their size."""
+    finest, found = max(factors), {}
+    for factor in sorted(factors):
+        least, most = catalogue.ratios(factor, finest)
+        is_new = factor == finest or LEAST_RATIO < least <= FURTHEST
+        if is_new and most <= ALIKE * least:
+            found[factor] = math.sqrt(least * most)
+    return found
+
+
+def ruler_of_family(what: str, answers: Sequence[Any], ratios: Sequence[float]) -> Ruler | None:
+    """The ruler of "sag" or "frequency" from quadratic tets on four meshes or more, from coarse to
+    fine; None where they do not show that they converge."""
+    if what != "frequency":
+        return estimate.ruler_of_many(answers, ratios)
+    modes = [estimate.ruler_of_many(mode, ratios) for mode in zip(*answers, strict=True)]
+    known = [mode for mode in modes if mode is not None]
+    return _of_modes(known) if len(known) == len(modes) else None
+
+
+def _of_modes(modes: Sequence[Ruler]) -> Ruler:
+    """One ruler of several modes, whose bar is that of the root mean square."""
+    value = np.array([float(mode.value) for mode in modes])
+    return Ruler(value, float(np.sqrt(np.mean([mode.bar**2 for mode in modes]))))
 
 
 def _ruler(answers: Sequence[Any], pair: Pair) -> Ruler:
     if len(answers) == 3:
-        return estimate.ruler_of_three(answers, pair.ratio, pair.before)
+        return estimate.ruler_of_three(answers, pair.ratio, pair.before, pair.range_)
     return estimate.ruler(answers[0], answers[1], pair.range_, pair.ratio)
 
 

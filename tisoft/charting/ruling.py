@@ -22,8 +22,17 @@ from tisoft.charting.curves import range_of
 from tisoft.charting.doubting import UNSETTLED
 from tisoft.charting.judging import Judging
 from tisoft.charting.linearly import is_near, linear_ruler
-from tisoft.charting.rulers import OWN_HEXES, OWN_SPRINGS, Pair, agreed, pairs_of, ruler_of
-from tisoft.charting.variants import Catalogue, Variant
+from tisoft.charting.rulers import (
+    OWN_HEXES,
+    OWN_SPRINGS,
+    Pair,
+    agreed,
+    pairs_of,
+    ratios_of_family,
+    ruler_of,
+    ruler_of_family,
+)
+from tisoft.charting.variants import FACTORS, Catalogue, Variant
 from tisoft.errors import SceneError
 
 LARGEST_RULER = 60_000
@@ -36,8 +45,17 @@ QUICK = 0.4
 """The same for advice, and of its whole time, that what is quick takes before a dear ruler."""
 SHARPENING = 0.9
 """Of what is left for answers, that a sharper ruler may take: variants are asked after it."""
+FAMILY = 4
+"""Meshes that tell by themselves how far they can be trusted."""
+LITTLE = 0.15
+"""Of what is left for answers, that is tried before a dear ruler."""
+CHEAP = 0.02
+"""Of the whole budget, that an answer may take which makes four meshes of three."""
 ENOUGH = 0.3
 """Share of the tolerance within which the ruler's bar needs nothing better."""
+
+SHARP = 0.1
+"""The same where something cheaper may keep the tolerance."""
 
 
 @dataclass
@@ -151,9 +169,8 @@ class Ruling:
         """A sharper ruler of the quantities whose bars are wider than that, on the finest mesh that
         there is time for; returns its better variant, or None where there is no time for any.
         """
-        bars = {what: ruler.bar for what, ruler in self.judging.rulers.items()}
-        wanted = [what for what in self.quantities() if bars.get(what, 1.0) > blunt]
-        wanted.sort(key=lambda what: -bars.get(what, 1.0))
+        self._climb(blunt)
+        wanted = self._blunt(blunt)
         some: tuple[Pair, list[str]] | None = None
         for pair in reversed(self.pairs()[1:]):
             room = SHARPENING * (self.share * self.budget - self.asking.spent())
@@ -174,12 +191,29 @@ class Ruling:
             return some[0].better
         return None
 
+    def _blunt(self, blunt: float) -> list[str]:
+        """Quantities of which the ruler's bar is wider than that, the widest first."""
+        bars = {what: ruler.bar for what, ruler in self.judging.rulers.items()}
+        wanted = [what for what in self.quantities() if bars.get(what, 1.0) > blunt]
+        return sorted(wanted, key=lambda what: -bars.get(what, 1.0))
+
+    def _climb(self, blunt: float) -> None:
+        """Take what costs little of the time that is left, of which a dear ruler may have no
+        need."""
+        for pair in self.pairs()[1:]:
+            room = LITTLE * (self.share * self.budget - self.asking.spent())
+            for what in self._blunt(blunt) if self._has_size(pair) else []:
+                if 0.0 < self._misses(pair, [what]) <= room:
+                    self._rule(pair, [what], self.share)
+                    self._take_family()
+
     def take_known(self) -> None:
         """Let pairs of which all is known by now, as their variants were asked, become rulers."""
         for pair in self.pairs():
             known = [what for what in self.quantities() if not self._misses(pair, [what])]
             if known and pair.told is None:
                 self._rule(pair, known, 0.0)
+        self._take_family()
         if self.judging.linear is not None:
             pairs = [p for p in self.pairs() if not self._misses(p, ["sag"], linearly=True)]
             self.find_linear(pairs)
@@ -210,14 +244,40 @@ class Ruling:
             if len(answers) < 2:
                 continue
             made = ruler_of(what, answers, pair)
-            old = self.judging.rulers.get(what)
-            best = self.judging.rulers[what] = made if old is None else agreed(old, made)
-            if best is not old:
-                self.judging.on_one_mesh[what] = pair.range_ in estimate.SAME_MESH
+            self._agree(what, made, on_one_mesh=pair.range_ in estimate.SAME_MESH)
             found = True
         if found and pair.told:
             self.warn(pair.told)
         return found
+
+    def _agree(self, what: str, made: estimate.Ruler, *, on_one_mesh: bool) -> None:
+        """Let a ruler of a quantity count beside the one that is known."""
+        old = self.judging.rulers.get(what)
+        best = self.judging.rulers[what] = made if old is None else agreed(old, made)
+        if best is not old:
+            self.judging.on_one_mesh[what] = on_one_mesh
+
+    def _take_family(self) -> None:
+        """Let four meshes of quadratic tets or more become the ruler, where they converge."""
+        tets = {f: found[1] for f in (1.0, *FACTORS) if (found := self.catalogue.tets(f))}
+        for what in self.quantities():
+            known = [f for f, v in tets.items() if self.asking.known(self.works[what], v)]
+            if not known or self.catalogue.is_curved:
+                continue
+            coarser = [f for f in tets if f <= max(known) and self._is_cheap(what, tets[f])]
+            family = ratios_of_family(self.catalogue, coarser)
+            answers = [self.asking.quantity(tets[f], what, 1.0, exact=True) for f in family]
+            if len(family) >= FAMILY and len({np.shape(a) for a in answers}) == 1:
+                made = ruler_of_family(what, answers, list(family.values()))
+                if made is not None:
+                    self._agree(what, made, on_one_mesh=False)
+
+    def _is_cheap(self, what: str, variant: Variant) -> bool:
+        """Whether a quantity of a variant is known or soon is."""
+        work = self.works[what]
+        if self.asking.has(work, variant):
+            return self.asking.known(work, variant) is not None
+        return self.asking.needs(work, variant) <= CHEAP * self.budget
 
     def _on_curves(self, pair: Pair) -> Pair:
         """The pair, with what is known of curved shapes."""

@@ -31,7 +31,7 @@ from tisoft.charting.judged import Judged
 from tisoft.charting.judging import Judging
 from tisoft.charting.places import places_of
 from tisoft.charting.records import Bench
-from tisoft.charting.ruling import ENOUGH, QUICK, SHARES, Ruling
+from tisoft.charting.ruling import ENOUGH, QUICK, SHARES, SHARP, Ruling
 from tisoft.charting.variants import CURRENT, Catalogue, Variant
 from tisoft.errors import SceneError
 from tisoft.scene import Scene
@@ -45,6 +45,8 @@ MOST_OVER = 1.2
 HIGHEST_ORDER = {"tet4": 2.0}
 """Power of the size of the cells that errors of an element fall with at the most; of others 3.
 Elements are counted as if they filled a plane, whose thickness may be one cell on any mesh."""
+SELDOM = {"tet4": 2.0}
+"""Times their seconds, that elements wait which on as many nodes err by more than others."""
 SOON = 1.1
 """Times its share of the budget, that an answer may end at which is soon there."""
 LAST = 1.15
@@ -135,6 +137,8 @@ class Survey:
             self.ruling.take_known()
             if tolerance and self._is_blunt(tolerance):
                 better = self.ruling.sharpen(ENOUGH * tolerance)
+                if better is None or self._is_blunt(tolerance):
+                    better = self.ruling.sharpen(SHARP * tolerance) or better
                 if better in candidates:
                     self._answers(better, self.ruling.share)
                 self.ruling.take_known()
@@ -229,12 +233,16 @@ class Survey:
         return max(gaps, default=0.0) < SAME_PLACE
 
     def _wait(self, variant: Variant) -> float:
-        """Seconds of what is not known of it, compiling left out: the soonest answers first."""
+        """Seconds of what is not known of it, compiling left out: the soonest answers first, later
+        what is seldom chosen.
+        """
         shared = self.judging.shares_errors(variant)
         missing = [] if self.asking.has("modes", shared) else ["modes"]
         if not self.asking.has("static", shared) and not self.asking.has("linear static", shared):
             missing.append("linear static")
-        return sum(self.asking.needs(what, shared) for what in missing)
+        size = self.asking.size(shared)
+        share = 1.0 if size is None else SELDOM.get(size["element"], 1.0)
+        return share * sum(self.asking.needs(what, shared) for what in missing)
 
     def _is_hopeless(self, variant: Variant, tolerance: float) -> bool:
         """Whether the same element on a finer mesh is too coarse already, or so much too coarse on

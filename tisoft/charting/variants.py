@@ -161,7 +161,11 @@ class Catalogue:
         where it is the least; axes with one cell do not count where that is the shortest side of
         the finer ones.
         """
-        found = [fine / coarse]
+        return self.ratios(coarse, fine)[0]
+
+    def ratios(self, coarse: float, fine: float) -> tuple[float, float]:
+        """The same along the axes where it is the least and the most."""
+        found = [np.array([fine / coarse])]
         for i in self.varied:
             table = self._meshes[i]
             shape = _shape_of(table)
@@ -170,8 +174,9 @@ class Catalogue:
                 a, b = (np.array(_cells(now, factor)) for factor in (coarse, fine))
                 edges = np.array(table[shape].get("size", np.ones(len(b)))) / b
                 counts = (b > 1) | (edges > edges.min())
-                found.append(float((b / a)[counts].min(initial=fine / coarse)))
-        return min(found)
+                found.append((b / a)[counts])
+        every = np.concatenate(found)
+        return float(every.min()), float(every.max())
 
     def elements(self) -> list[str]:
         """Elements that the bodies may have, the present one first."""
