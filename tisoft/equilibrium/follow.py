@@ -33,6 +33,8 @@ FIRST = 1e-8
 """Load steps below this share of the full load end the search at rest."""
 BESIDE = 0.5
 """Share of the displacements within which an answer is that of a coarser mesh."""
+ROUGH = 0.1
+"""The same where displacements that were carried over press cells so far that they are unstable."""
 INCONSISTENT = 1e-3
 """Share of the load that falls on mechanisms, above which the rest shape cannot be left along a
 tangent."""
@@ -91,11 +93,15 @@ def _beside(balance: Balance, solver: Solver, near: Floats) -> Answer | None:
     if not balance.is_admissible(u):
         return None
     solver.refresh(u, 1.0)
-    if solver.negative:
+    rough = solver.negative > 0  # cells of a ν near .5 mind the least change of their volume
+    most = ROUGH if rough else BESIDE
+    new = correct(balance, solver, u, 1.0, reach=most * float(np.abs(u).max()))
+    if new is None or np.linalg.norm(new.u - u) > most * np.linalg.norm(u):
         return None
-    new = correct(balance, solver, u, 1.0, reach=BESIDE * float(np.abs(u).max()))
-    if new is None or np.linalg.norm(new.u - u) > BESIDE * np.linalg.norm(u):
-        return None
+    if rough:
+        solver.refresh(new.u, 1.0)
+        if solver.negative:
+            return None
     return Answer(new, solver.iterations, solver.negative == 0)
 
 
