@@ -36,10 +36,9 @@ def factorised(matrix: sparse.csc_matrix, held: Held) -> tuple[Any, int]:
     """What solves with a symmetric matrix on the unknowns of a body, and how many of its
     eigenvalues are negative (Sylvester's law of inertia); raises RuntimeError where it is singular.
     """
-    if matrix.shape[0] >= WORTHWHILE and held.part.solids and not held.patches:
+    if matrix.shape[0] >= WORTHWHILE and held.part.solids:
         if held.dissection is None:
-            nodes = np.flatnonzero(held.free.ravel()) // 3
-            held.dissection = Dissection(matrix, nodes, held.part.rest)
+            held.dissection = Dissection(matrix, held.unknowns // 3, held.part.rest)
         found = Frontal(held.dissection, matrix)
         return found, found.negative
     factor = splu(

@@ -60,12 +60,23 @@ class Held:
         return out
 
     @cached_property
+    def unknowns(self) -> NDArray[np.int64]:
+        """The component, 3 node + axis, that each q is of."""
+        free = np.flatnonzero(self.free.ravel())
+        return np.setdiff1d(free, self._tied[1]) if self.patches else free
+
+    @cached_property
     def basis(self) -> sparse.csc_matrix:
         """T, shape (3 nodes, unknowns)."""
-        count, free = self.axes.size, np.flatnonzero(self.free.ravel())
-        whole = sparse.identity(count, format="csc")
-        if not self.patches:
-            return whole[:, free]
+        whole = sparse.identity(self.axes.size, format="csc")
+        return sparse.csc_matrix(
+            (whole + self._tied[0] if self.patches else whole)[:, self.unknowns]
+        )
+
+    @cached_property
+    def _tied(self) -> tuple[sparse.csc_matrix, NDArray[np.int64]]:
+        """−C_p⁻¹ C_r, shape (3 nodes, 3 nodes), and the components p."""
+        count = self.axes.size
         told: list[NDArray[np.int64]] = []
         parts = []
         for axis in range(3):
@@ -82,8 +93,7 @@ class Held:
             told.append(3 * pivots + axis)
         values, rows, columns = (np.concatenate(column) for column in zip(*parts, strict=True))
         tied = sparse.csc_matrix((values, (rows, columns)), (count, count))
-        kept = np.setdiff1d(free, np.concatenate(told))
-        return sparse.csc_matrix((whole + tied)[:, kept])
+        return tied, np.concatenate(told)
 
     def on_unknowns(self, matrix: Any) -> sparse.csc_matrix:
         """Tᵀ A T of a sparse matrix."""
