@@ -244,8 +244,13 @@ class Motion(Changing):
         self.wall_seconds += _stepping_clock() - begun
 
     def _let_go(self, held: NDArray[np.int32]) -> None:
-        """Give components that were `held` until now a velocity that lags as all others do."""
+        """Give components that were `held` until now a velocity that lags as all others do, and let
+        nodes that are inside obstacles come out slowly.
+        """
         freed = (held & ~self.holder.held)[:, None] & np.array([1, 2, 4])
+        if freed.any() and self._obstacles:  # which may have gone over them meanwhile
+            self.pushing.begin(freed.any(axis=1))
+            self.place_obstacles()
         if self.half_step_lag and freed.any():
             u, v = self.system.motion()
             lag = 0.5 * self.half_step_lag * self.acceleration()
@@ -257,8 +262,10 @@ class Motion(Changing):
         """
         self.refresh()
         frame_time = 1.0 / self.scene.frame_rate
+        held = self.holder.held
         if self.holder.begin(self.time, self.time + frame_time):
             self._set_inputs()
+            self._let_go(held)
         if most < 2 or not self._is_steady():
             return []
         count, h = self.substeps_of(frame_time)

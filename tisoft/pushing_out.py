@@ -48,14 +48,20 @@ class PushingOut:
         """Whether a body is being pushed out of an obstacle or another body."""
         return self.easing is not None or any(speed < STILL for speed in self.speeds)
 
-    def begin(self) -> None:
-        """Let bodies whose nodes are inside obstacles be pushed out."""
+    def begin(self, freed: NDArray[np.bool_] | None = None) -> None:
+        """Let bodies whose nodes are inside obstacles be pushed out: where `freed` are given, those
+        alone, inside order, which a pin has let go of.
+        """
         present = self.present
         world = present.system.world()
         for k, part in enumerate(present.parts):
+            if freed is not None and not freed[part.nodes].any():
+                continue
             for number, depths in enumerate(self._depths(part, world)):
+                if freed is not None and len(depths) == part.nodes.stop - part.nodes.start:
+                    depths = np.where(freed[part.nodes], depths, 0.0)
                 deepest = float(depths.max())
-                if deepest > 0.0:
+                if deepest > (0.0 if freed is None else OUT * part.size):
                     seconds = self._time(part, deepest)
                     known, speed = self.speeds[k], deepest / seconds
                     self.speeds[k] = speed if known == STILL else max(known, speed)

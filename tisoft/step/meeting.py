@@ -5,7 +5,8 @@
 
 Pairs are listed anew in the substep, after its kicks, in which a point would leave its list's
 reach.  Where no pair is listed this is the plain pass over the nodes, which looks ahead by a
-substep instead.
+substep instead.  What a blow throws on meets others in the same substep: where contact changes
+velocities by much, rows are looked for again with what came out, and all are solved anew.
 """
 
 from typing import Any
@@ -22,11 +23,20 @@ from tisoft.step.substep import move, now_of
 from tisoft.touch import fields as f
 from tisoft.touch.awake import note_awake
 from tisoft.touch.lists import search
-from tisoft.touch.rows import find_depths, find_rows
+from tisoft.touch.rows import ASK, MEASURE, WRITE, find_depths, find_rows
 from tisoft.touch.sweeps import sweep
+from tisoft.touch.ways import (
+    BLOW,
+    is_stale,
+    left,
+    left_standing,
+    most_of,
+    note_flung,
+    note_points,
+)
 
-SAFE = 0.98
-"""Share of the allowed way after which lists are made anew."""
+MOST_LOOKS = 8
+"""Bodies in a row through which a blow goes within one substep."""
 
 
 @ti.func
@@ -37,6 +47,7 @@ def place(s: ti.template(), i, p, v):
     bits = s.state.fixed[i]
     s.surfaces.place[p] = s.state.rest[i] + s.state.displacement[i]
     s.surfaces.velocity[p], s.surfaces.kicked[p] = s.state.velocity[i], v
+    s.surfaces.sent[p] = v.norm()
     s.surfaces.held[p] = bits
     s.surfaces.inverse_mass[p] = 0.0 if bits == 7 else s.state.inverse_mass[i]
     s.surfaces.met[p] = 0
@@ -51,6 +62,7 @@ def stand(s: ti.template(), p):
     v = surface_velocity(s.state, row, x)
     s.surfaces.place[p] = x
     s.surfaces.velocity[p], s.surfaces.kicked[p] = v, v
+    s.surfaces.sent[p] = v.norm()
     for d in ti.static(range(3)):
         s.surfaces.spin[body][d] = s.state.obstacle[row, VELOCITY + 3 + d]
 
@@ -111,54 +123,6 @@ def finish(s: ti.template(), i, row, n, is_met, is_easing, now):
 
 
 @ti.func
-def left(s: ti.template(), i, p, h):
-    """How far node i may have gone by the end of the next substep, in which it may become twice as
-    fast, as a share of what it may.
-    """
-    way = (s.state.rest[i] + s.state.displacement[i] - s.surfaces.listed[p]).norm()
-    way += 2.0 * h * s.state.velocity[i].norm()
-    return way / s.surfaces.allowed[p]
-
-
-@ti.func
-def note_gone(s: ti.template(), p, h):
-    """Write how far point p of a body will have gone since the search without contact [m], 0 where
-    no other body is near; returns that, and how far it may really go, as a share of what it may:
-    what rests is kicked hard, and held.
-    """
-    fast = s.surfaces.kicked[p].norm()
-    gone = (s.surfaces.place[p] - s.surfaces.listed[p]).norm()
-    part = (gone + h * ti.min(fast, 2.0 * s.surfaces.velocity[p].norm())) / s.surfaces.allowed[p]
-    gone += h * fast
-    if s.surfaces.trait[s.surfaces.body[p], f.NEAR] == 0:
-        gone = 0.0 * h
-    s.surfaces.gone[p] = gone
-    return ti.Vector([gone, part])
-
-
-@ti.func
-def note_standing(s: ti.template(), q, t, threads, h):
-    """The same of thread t's points of obstacles, the most."""
-    most = ti.Vector([0.0 * h, 0.0 * h])
-    low, high = s.surfaces.order[q, f.STANDING], s.surfaces.order[q, f.POINT_END]
-    for p in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
-        most = ti.max(most, note_gone(s, p, h))
-    return most
-
-
-@ti.func
-def left_standing(s: ti.template(), q, t, threads, h):
-    """The like of `left` of thread t's points of obstacles, placed when the substep began."""
-    most = 0.0 * h
-    low, high = s.surfaces.order[q, f.STANDING], s.surfaces.order[q, f.POINT_END]
-    for p in range(share(low, high, t, threads), share(low, high, t + 1, threads)):
-        way = (s.surfaces.place[p] - s.surfaces.listed[p]).norm()
-        way += 3.0 * h * s.surfaces.velocity[p].norm()
-        most = ti.max(most, way / s.surfaces.allowed[p])
-    return most
-
-
-@ti.func
 def renew(s: ti.template(), scene, now):
     """List the pairs anew, on one thread, as the state is between substeps."""
     low, high = s.state.ranges[scene, 0], s.state.ranges[scene, 1]
@@ -190,40 +154,49 @@ def touch_nodes(s: ti.template(), scene, t, threads, phase, now, stale):
         if moving or stale:
             stand_all(s, q, t, threads)
     if is_met:
-        gone = ti.Vector([0.0 * now.h, 0.0 * now.h])
-        if ti.static(s.contact):
-            if moving:
-                gone = note_standing(s, q, t, threads, now.h)
         for i in range(first, last):
             kick(s, i, i + back, i + base, now)
-            p = s.surfaces.point[i + base]
-            if p >= 0:
-                gone = ti.max(gone, note_gone(s, p, now.h))
-        s.surfaces.most[thread + t, f.GONE] = gone[0]
-        s.surfaces.most[thread + t, f.STALE] = gone[1]
+    look, rows = 0, 0
+    while is_met and look < MOST_LOOKS:
+        note_points(s, scene, q, t, threads, look, now.h)
         phase += 1
         meet(s, scene, phase, threads)
-        if stale or is_stale(s, scene, threads):
+        flung = look == 0 and most_of(s, q, threads, f.FLUNG) > 0.0
+        if (stale and look == 0) or is_stale(s, scene, threads):
             phase = search(s, scene, q, t, threads, phase, now)
-        rows = 0
-        for k in range(2 if eases else 1):
-            if k == 1:
-                phase += 1
-                meet(s, scene, phase, threads)
-            rows = find_rows(s.surfaces, q, t, threads, eases and k == 0, eases, now.h)
-        s.surfaces.most[thread + t, f.FOUND] = rows
-        phase += 1
-        meet(s, scene, phase, threads)
-        if t == 0 and eases and now.opens:
-            falls = now.h * s.surfaces.length[q, f.RATE]
-            s.surfaces.length[q, f.LEFT] = ti.max(s.surfaces.length[q, f.LEFT] - falls, 0.0)
-        if t == 0:
+        found, task = 0, WRITE
+        if eases:
+            task = MEASURE
+        elif look > 0:
+            task = ASK
+        while task >= 0:
+            n = find_rows(s.surfaces, q, t, threads, task, eases, look, now.h)
+            s.surfaces.most[thread + t, f.FOUND + task] = n
+            phase += 1
+            meet(s, scene, phase, threads)
+            found = 0
+            for k in range(threads):
+                found += ti.cast(s.surfaces.most[thread + k, f.FOUND + task], ti.i32)
+            task = WRITE if task == MEASURE or (task == ASK and found > 0) else -1
+        if t == 0 and look == 0:
             note_awake(s.surfaces, q, threads)
-        rows = 0
-        for k in range(threads):
-            rows += ti.cast(s.surfaces.most[thread + k, f.FOUND], ti.i32)
-        if rows > 0:
+        again = False
+        if found > rows:
+            rows = found
             phase = sweep(s, scene, q, t, threads, phase, eases, now)
+            thin = ti.cast(s.surfaces.length[q, f.THIN], s.surfaces.real)
+            again = now.h * most_of(s, q, threads, f.SWING) > BLOW * thin
+        if flung:
+            note_flung(s, scene, q, t, threads)
+            phase += 1
+            meet(s, scene, phase, threads)
+            again = again or most_of(s, q, threads, f.FLUNG) > 0.0
+        look = look + 1 if again else MOST_LOOKS
+        if again and t == 0:
+            s.surfaces.order[q, f.LOOKS] = s.surfaces.order[q, f.LOOKS] + 1
+    if is_met and eases and now.opens and t == 0:
+        falls = now.h * s.surfaces.length[q, f.RATE]
+        s.surfaces.length[q, f.LEFT] = ti.max(s.surfaces.length[q, f.LEFT] - falls, 0.0)
     part = 0.0 * now.h
     ahead = s.surfaces.order[q, f.COUNT] == 0
     for i in range(first, last):
@@ -236,17 +209,6 @@ def touch_nodes(s: ti.template(), scene, t, threads, phase, now, stale):
             part = ti.max(part, left_standing(s, q, t, threads, now.h))
     s.surfaces.most[thread + t, f.STALE] = part
     return phase
-
-
-@ti.func
-def is_stale(s: ti.template(), scene, threads):
-    """Whether some point may leave its list's reach in the substep, or the list has become dear."""
-    q = s.state.ranges[scene, TOUCH_SCENE]
-    thread = s.surfaces.order[q, f.THREAD]
-    gone = s.surfaces.most[thread, f.STALE]
-    for k in range(1, threads):
-        gone = ti.max(gone, s.surfaces.most[thread + k, f.STALE])
-    return gone > SAFE or s.surfaces.order[q, f.WASTED] > s.surfaces.order[q, f.WORK]
 
 
 def make_depths(s: Any) -> Any:

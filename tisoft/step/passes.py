@@ -27,9 +27,10 @@ from tisoft.model.state import (
 )
 from tisoft.model.threads import SLICE, meet, share
 from tisoft.step import consistent_mass, driving, external, forces, means, record, touch
-from tisoft.step.meeting import is_stale, touch_nodes
+from tisoft.step.meeting import touch_nodes
 from tisoft.step.substep import begin_solve, move_solved, node, now_of
 from tisoft.touch.fields import BUILT
+from tisoft.touch.ways import is_stale
 
 
 @ti.func

@@ -18,17 +18,17 @@ A = ti.types.ndarray()
 (POINT, POINT_END, TRIANGLE, TRIANGLE_END, EDGE, EDGE_END, BODY, BODY_END, PAIR, FACE_ROOM,
  EDGE_ROOM, POINT_PATCH, FACE_PATCH, EDGE_PATCH, PATCH_END, NODE, COUPLE, CANDIDATE, WIDTH, THREAD,
  COUNT, BUILT, BUILDS, FULL, SWEEPS, ROWS, STANDING, CORES, MOVING, ISLANDS,
- WORK, AWAKE, WASTED, ORDERS) = range(34)  # fmt: skip
+ WORK, AWAKE, WASTED, LOOKS, ORDERS) = range(35)  # fmt: skip
 """Columns of `Touch.order`: where a scene's rows begin and end; candidates found; threads of the
 last search, 0 where it is out of date; searches; whether candidates found no room; sweeps and rows
 so far; first point and first core of obstacles, and whether those move; islands now;
 what the last search had to do, in tests of two boxes, how many pairs were awake after it, −1 where
-not known yet, and what more of them have cost since.  Patches are of points, of triangles, of
-edges; each thread has WIDTH rows of `candidate`."""
-LEAST, MOST, THICK, LONGEST, SHRUNK, TOLERANCE, SUNK, LEFT, RATE, LENGTHS = range(10)
-"""Columns of `Touch.length` [m]: least and most margin, largest thickness, bodies' longest edge,
-share of the margins that had room (1), residual that ends the sweeps; most of `Touch.sunk`, the
-share of it that is left (1), and how fast that falls [1/s].
+not known yet, and what more of them have cost since; looks beyond the first of a substep so far.
+Patches are of points, of triangles, of edges; each thread has WIDTH rows of `candidate`."""
+LEAST, MOST, THICK, THIN, LONGEST, SHRUNK, TOLERANCE, SUNK, LEFT, RATE, LENGTHS = range(11)
+"""Columns of `Touch.length` [m]: least and most margin, largest and least thickness, bodies'
+longest edge, share of the margins that had room (1), residual that ends the sweeps; most of
+`Touch.sunk`, the share of it that is left (1), and how fast that falls [1/s].
 """
 (SOLID, SELF, OBSTACLE, ROUND, BARE, ROW, FIRST, LAST, NEAR, OWN_POINTS, _, OWN_EDGES, _,
  TRAITS) = range(14)  # fmt: skip
@@ -45,9 +45,10 @@ far it reaches beyond its points [m]; the most of its points' `ahead` [m]."""
  _, SEGMENTS) = range(11)  # fmt: skip
 """Columns of `Touch.segment`: each thread's pairs, how many of them have rows, and where its
 patches of triangles and edges begin, and end."""
-WORST, STALE, BLOWN, GONE, FOUND, LOOKED, MOSTS = range(7)
-"""Columns of `Touch.most`: each thread's maxima, whether a body has blown up, rows
-found, and pairs awake."""
+WORST, STALE, BLOWN, GONE, FOUND, _, _, LOOKED, SWING, FLUNG, MOSTS = range(11)
+"""Columns of `Touch.most`: each thread's maxima, whether a body has blown up, what each task of
+`find_rows` has found, pairs awake, the velocity to which contact has thrown a point at the most
+[m/s], and whether a point is kicked harder than pairs are looked for."""
 
 
 @ti.data_oriented
@@ -117,6 +118,14 @@ class Touch:
         """[m/s]."""
         self.kicked = field(vec3, "points")
         """Before contact [m/s]."""
+        self.under = field(vec3, "points")
+        """By how much contact has made it slower, in any look at this substep, each axis [m/s]."""
+        self.over = field(vec3, "points")
+        """The same, faster."""
+        self.swung = field(ti.i32, "points")
+        """Whether contact has thrown it, in the last look at this substep."""
+        self.sent = field(real, "points")
+        """Speed up to which its pairs are looked for [m/s]."""
         self.held = field(ti.i32, "points")
         """Bits of axes that do not answer to impulses."""
         self.inverse_mass = field(real, "points")
@@ -253,7 +262,7 @@ class Touch:
     def bytes_of(structure: str, rows: dict[str, int]) -> int:
         """Memory that the fields take [bytes]."""
         real = 8 if structure == "f64" else 4
-        points = rows["points"] * (37 * real + 28) + rows["nodes"] * (6 * real + 4)
+        points = rows["points"] * (44 * real + 32) + rows["nodes"] * (6 * real + 4)
         points += rows["edges"] * (4 * real + 16) + rows["kins"] * 4
         return points + rows["triangles"] * 28 + rows["fans"] * 8 + (
             rows["pairs"] * (20 * real + 72) + rows["patches"] * (18 * real + 24)

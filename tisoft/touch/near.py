@@ -160,7 +160,7 @@ def neighbours(touch: ti.template(), q, t, threads, h):
         shrunk, free = ti.cast(touch.length[q, f.SHRUNK], touch.real), ti.max(free, 0.0 * free)
         for p in range(touch.trait[b, f.FIRST], touch.trait[b, f.LAST]):
             touch.allowed[p] = shrunk * touch.ahead[p] + 0.5 * free
-            touch.gone[p] = h * touch.kicked[p].norm() if n > 0 else 0.0
+            touch.gone[p] = h * touch.sent[p] if n > 0 else 0.0
             gone = ti.max(gone, touch.gone[p])
         total += n
     touch.most[touch.order[q, f.THREAD] + t, f.GONE] = gone

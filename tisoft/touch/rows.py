@@ -1,5 +1,5 @@
 # mypy: ignore-errors
-"""What keeps a pair apart in a substep: weights w, direction n, the velocity that closes its gap.
+"""What keeps a pair apart in a substep: the velocity that closes its gap; see `gaps` for w and n.
 
     Σ w_k v_k · n ≥ target,   target = −gap/h  (gap ≥ 0),   β min(−gap, t)/h  (gap < 0)
 
@@ -7,108 +7,33 @@ Bodies that begin inside each other are as much thinner at first, D₀, and grow
 does not depend on h:  gap + D and target + V for those,  D = D₀ left,  V = −dD/dt.
 
 Speculative: the gap is that of the substep's start, so no speed and no thin body slips through.
-Of a solid, outward normals tell the side; of a sheet, the side where the point was last seen
-farther than 1.2 t away.  A point behind a solid's face belongs to it while it is no deeper than
-`DEPTH` and the surface that it is part of looks against the face.
+Kicks close gaps, and so does what contact makes of them: after a blow rows are looked for again,
+with any velocity between the two.  Which rows there are does not depend on how old the lists are:
+gaps wider than any list is sure to have, and points deeper than DEEP, make none.
 
-| symbol   | where                                                  | unit |
-| -------- | ------------------------------------------------------ | ---- |
-| gap      | distance less the thickness t                          | m    |
-| w        | `share`: 1 and −barycentric; 1 − s, s, −(1 − t), −t    | 1    |
-| β        | PUSH                                                   | 1    |
-| D₀, left | `sunk`, `length[LEFT]`                                 | m, 1 |
+| symbol   | where                         | unit |
+| -------- | ----------------------------- | ---- |
+| gap      | distance less the thickness t | m    |
+| w        | `share`                       | 1    |
+| β        | PUSH                          | 1    |
+| D₀, left | `sunk`, `length[LEFT]`        | m, 1 |
 """
 
 import taichi as ti
 
-from tisoft.obstacles.base import FLAT_LINE, POINT
+from tisoft.obstacles.base import POINT
 from tisoft.touch import fields as f
-from tisoft.touch.awake import SEEN, longest_way, near_of, way_of
-from tisoft.touch.closest import between_lines, nearest_on_line, on_triangle
-from tisoft.touch.flat import fan_normal
+from tisoft.touch.awake import longest_way, near_of, way_of
+from tisoft.touch.gaps import CONE, gap_of, thickness
 from tisoft.touch.near import couple_of
-from tisoft.touch.pairs import BLUR
+from tisoft.touch.ways import BLOW, outcome
 
+WRITE, MEASURE, ASK = range(3)
+"""What `find_rows` is to do."""
+FIRM = 4.0
+"""Solids have depth, and may sink in by so many times BLOW before a blow asks for new rows."""
 PUSH = 0.2
 """Share of a penetration that a substep takes back."""
-CONE = 1e-4
-"""Cosine by which a point may lie outside of a feature's normal cone."""
-EDGEWISE = 0.05
-"""Cosine below which two directions count as normal to each other."""
-
-
-@ti.func
-def in_corner(touch: ti.template(), p, d, solid):
-    """Whether d points away from the surface around its point p."""
-    inside = 1
-    normal = 0.0 * d
-    for k in range(touch.fan_start[p], touch.fan_start[p + 1]):
-        y = touch.place[touch.fan[k, 0]] - touch.place[p]
-        z = touch.place[touch.fan[k, 1]] - touch.place[p]
-        normal += y.cross(z)
-        if d.dot(y) > CONE * d.norm() * y.norm() or d.dot(z) > CONE * d.norm() * z.norm():
-            inside = 0
-    if solid and d.dot(normal) < 0.0:
-        inside = 0
-    return inside
-
-
-@ti.func
-def across_edge(touch: ti.template(), i, k, d, normal, solid):
-    """Whether d, from the edge opposite corner k of triangle i, points away from both its faces."""
-    inside = 1
-    far = touch.across[i, k]
-    if far >= 0:
-        a = touch.place[touch.triangle[i, (k + 1) % 3]]
-        b = touch.place[touch.triangle[i, (k + 2) % 3]]
-        y = touch.place[far] - a
-        if d.dot(y) > CONE * d.norm() * y.norm():
-            inside = 0
-        if solid and d.dot(normal + (a - b).cross(touch.place[far] - b).normalized()) < 0.0:
-            inside = 0
-    return inside
-
-
-@ti.func
-def is_own(touch: ti.template(), i, w, d, normal, solid):
-    """Whether the feature of triangle i that w lies on is the one that sees d: its own, and d in
-    its normal cone.
-    """
-    own, zeros, edge, corner = 1, 0, 0, 0
-    for k in ti.static(range(3)):
-        if w[k] == 0.0:
-            zeros += 1
-            edge = k
-        else:
-            corner = k
-    if zeros == 1:
-        own = ti.i32((touch.owned[i] & (1 << edge)) != 0)
-        if own:
-            own = across_edge(touch, i, edge, d, normal, solid)
-    if zeros == 2:
-        own = ti.i32((touch.owned[i] & (8 << corner)) != 0)
-        if own:
-            own = in_corner(touch, touch.triangle[i, corner], d, solid)
-    return own
-
-
-@ti.func
-def is_behind(touch: ti.template(), p, depth, normal, body):
-    """Whether a point behind a solid's face by `depth` [m] is held to be in front of it."""
-    ok = ti.i32(depth < touch.number[body, f.DEPTH])
-    if ok and touch.trait[touch.body[p], f.SOLID]:
-        ok = ti.i32(fan_normal(touch, p).dot(normal) <= 0.0)
-    return ok
-
-
-@ti.func
-def thickness(touch: ti.template(), p, other):
-    """Distance [m] that the bodies of two points keep; of a core from its middle."""
-    b, c = touch.body[p], touch.body[other]
-    return (
-        touch.number[b, f.HALF] * touch.number[c, f.SHARE]
-        + touch.number[c, f.HALF] * touch.number[b, f.SHARE]
-    )
 
 
 @ti.func
@@ -136,17 +61,35 @@ def ease(touch: ti.template(), q, b, c, h):
 
 
 @ti.func
-def write_row(touch: ti.template(), row, w, n, distance, drift, eased, h):
-    """Make a row, whose `corner` stand there, where its gap would close within the substep, or has:
-    kicks may part what other rows then press together.  Returns whether.
+def core_of(touch: ti.template(), z):
+    """Radius of the core that pair z has, whose distance is that of its middle; 0 for none [m]."""
+    body = touch.body[touch.ends[z, 0]]
+    return touch.number[body, f.HALF] if touch.trait[body, f.ROUND] else 0.0 * touch.distance[z]
+
+
+@ti.func
+def closing_of(touch: ti.template(), q, z, w):
+    """Velocity [m/s] up to which lists, however old, have the pair z, whose weights are w: faster
+    kicks make no row.
     """
-    rate = drift
+    most = 0.0 * w[0]
     for k in ti.static(range(4)):
-        rate += w[k] * touch.kicked[touch.corner[row, k]]
-    thick = thickness(touch, touch.corner[row, 0], touch.corner[row, 3])
+        most += ti.abs(w[k]) * touch.sent[touch.ends[z, k]]
+    if touch.order[q, f.MOVING]:
+        if touch.trait[touch.body[touch.ends[z, 0]], f.ROUND] > POINT:  # between two points
+            most += touch.sent[touch.ends[z, 0] + 1]
+    return most
+
+
+@ti.func
+def aim(touch: ti.template(), corner, distance, eased, h):
+    """Gap [m] between four points, its target, and the share of that whose work is
+    from outside [m/s].
+    """
+    thick = thickness(touch, corner[0], corner[3])
     gap = distance - thick + eased[0]
     target = -gap / h
-    b, c = touch.body[touch.corner[row, 0]], touch.body[touch.corner[row, 3]]
+    b, c = touch.body[corner[0]], touch.body[corner[3]]
     if gap < 0.0:
         most = ti.min(touch.number[b, f.EASE], touch.number[c, f.EASE])
         target = PUSH * ti.min(-gap, most) / h
@@ -156,137 +99,49 @@ def write_row(touch: ti.template(), row, w, n, distance, drift, eased, h):
         outside = ti.max(target, 0.0 * target)
     elif eased[1] > 0.0:  # both bodies' points count it
         outside = 0.5 * ti.max(target, 0.0 * target)
-    near = 0
-    if rate.dot(n) < target or gap < 0.0:
-        near = 1
-        for k in ti.static(range(4)):
-            touch.share[row, k] = w[k]
-        touch.normal[row], touch.target[row], touch.outside[row] = n, target, outside
-        touch.impulse[row] = 0.0
-        touch.grip[row] = 0.0 * n
-        touch.drift[row], touch.rough[row] = drift, roughness(touch, b, c)
-        for k in range(4):
-            p = touch.corner[row, k]
-            touch.met[p] = 1 - touch.trait[touch.body[p], f.OBSTACLE]
-            touch.root[p], touch.number_of[p] = p, -1
-    return near
+    return ti.Vector([gap, target, outside])
 
 
 @ti.func
-def seen_from(touch: ti.template(), p, body):
-    """Place of a point from the origin of a body [m]."""
-    x = touch.place[p]
-    if touch.body[p] != body:
-        x += ti.cast(touch.origin[touch.body[p]] - touch.origin[body], touch.real)
-    return x
-
-
-@ti.func
-def face_row(touch: ti.template(), z):
-    """Drift [m/s], weights, direction and distance [m] of a point and a triangle; whether they
-    count.
+def least_rate(touch: ti.template(), corner, w, n, drift, look):
+    """The least velocity [m/s] along n with which four points may part: by kicks alone, after a
+    look by what contact makes of those too.
     """
-    p, i = touch.ends[z, 0], touch.item[z, 0]
-    body = touch.body[touch.ends[z, 1]]
-    a, b, c = (
-        touch.place[touch.ends[z, 1]],
-        touch.place[touch.ends[z, 2]],
-        touch.place[touch.ends[z, 3]],
-    )
-    x = seen_from(touch, p, body)
-    other = touch.body[p]
-    core = touch.trait[other, f.ROUND]
-    if core > POINT:
-        blur = BLUR * touch.number[other, f.HALF]
-        x = nearest_on_line(x, seen_from(touch, p + 1, body), a, b, c, blur)
-    w = on_triangle(x, a, b, c)
-    d = x - w[0] * a - w[1] * b - w[2] * c
-    distance = d.norm()
-    n = (b - a).cross(c - a).normalized()
-    side = d.dot(n)
-    solid = touch.trait[body, f.SOLID]
-    far = SEEN * thickness(touch, p, touch.ends[z, 1])
-    if solid == 0 and (touch.side[z] == 0 or distance > far):
-        touch.side[z] = 1 if side >= 0.0 else -1
-    if solid == 0 and touch.trait[other, f.OBSTACLE] and core == 0:  # its corner looks at the sheet
-        out = fan_normal(touch, p)
-        if ti.abs(out.dot(n)) > EDGEWISE * out.norm():
-            touch.side[z] = 1 if out.dot(n) < 0.0 else -1
-    ok = is_own(touch, i, w, d, n, solid)
-    if w[0] > 0.0 and w[1] > 0.0 and w[2] > 0.0:
-        distance = side
-        if solid == 0:
-            distance *= touch.side[z]
-            n *= touch.side[z]
-        elif side < 0.0:
-            ok = is_behind(touch, p, -side, n, body)
-    elif distance > 0.0:
-        n = d / distance
-    if core == FLAT_LINE:  # its ends are for corners
-        along = seen_from(touch, p + 1, body) - seen_from(touch, p, body)
-        if ti.abs(n.dot(along)) > EDGEWISE * along.norm():
-            ok = 0
-    drift = 0.0 * n
-    if core:
-        arm = x - n * touch.number[other, f.HALF] - seen_from(touch, p, body)
-        drift = touch.spin[other].cross(arm)
-    return drift, ti.Vector([1.0 + 0.0 * side, -w[0], -w[1], -w[2]]), n, distance, ok
+    rate = drift
+    for k in ti.static(range(4)):
+        rate += w[k] * touch.kicked[corner[k]]
+    least = rate.dot(n)
+    if look > 0:
+        for k in ti.static(range(4)):
+            p, along = corner[k], w[k] * n
+            least += ti.min(along * touch.under[p], along * touch.over[p]).sum()
+    return least
 
 
 @ti.func
-def edge_normal(touch: ti.template(), e):
-    """Sum of the unit normals of an edge's faces."""
-    a, b = touch.place[touch.edge[e, 0]], touch.place[touch.edge[e, 1]]
-    n = 0.0 * a
-    for k in range(2):
-        far = touch.sides[e, k]
-        if far >= 0:
-            out = (b - a).cross(touch.place[far] - a).normalized()
-            n += out if k == 0 else -out
-    return n
+def write_row(touch: ti.template(), row, corner, w, n, aims, drift):
+    """Make a row between four points."""
+    for k in ti.static(range(4)):
+        touch.corner[row, k] = corner[k]
+        touch.share[row, k] = w[k]
+    touch.normal[row], touch.target[row], touch.outside[row] = n, aims[1], aims[2]
+    touch.impulse[row] = 0.0
+    touch.grip[row] = 0.0 * n
+    b, c = touch.body[corner[0]], touch.body[corner[3]]
+    touch.drift[row], touch.rough[row] = drift, roughness(touch, b, c)
+    for k in ti.static(range(4)):
+        p = corner[k]
+        touch.met[p] = 1 - touch.trait[touch.body[p], f.OBSTACLE]
+        touch.root[p], touch.number_of[p] = p, -1
 
 
 @ti.func
-def edge_row(touch: ti.template(), z):
-    """Weights, direction and distance [m] of two edges; whether they count."""
-    body, other = touch.body[touch.ends[z, 2]], touch.body[touch.ends[z, 0]]
-    a, b = seen_from(touch, touch.ends[z, 0], body), seen_from(touch, touch.ends[z, 1], body)
-    c, d = touch.place[touch.ends[z, 2]], touch.place[touch.ends[z, 3]]
-    s, t = between_lines(b - a, d - c, a - c)
-    w, n, distance = ti.Vector([1.0 - s, s, t - 1.0, -t]), 0.0 * a, 0.0 * s
-    ok = ti.i32(s > 0.0 and s < 1.0 and t > 0.0 and t < 1.0)
-    sign = 0  # the side of lines means nothing outside of the edges
-    if ok:
-        n = (b - a).cross(d - c).normalized()
-        side = (a + s * (b - a) - c - t * (d - c)).dot(n)
-        thick = thickness(touch, touch.ends[z, 0], touch.ends[z, 2])
-        sign = touch.side[z]
-        out = 0.0 * n
-        if touch.trait[other, f.SOLID]:
-            out -= edge_normal(touch, touch.item[z, 0])
-        if touch.trait[body, f.SOLID]:
-            out += edge_normal(touch, touch.item[z, 1])
-        if touch.trait[other, f.SOLID] or touch.trait[body, f.SOLID]:
-            sign = 1 if n.dot(out) >= 0.0 else -1
-            ok = ti.i32(side * sign > -thick)  # deeper ones are for points and faces
-        elif sign == 0 or ti.abs(side) > SEEN * thick:
-            sign = 1 if side >= 0.0 else -1
-        n, distance = n * sign, side * sign
-    touch.side[z] = sign
-    return w, n, distance, ok
-
-
-@ti.func
-def row_of(touch: ti.template(), z, kind):
-    """Drift [m/s], weights, direction and distance [m] of a pair; whether they count."""
-    drift = 0.0 * touch.place[0]
-    normal, distance, ok = drift, drift[0], 0
-    w = ti.Vector([distance, distance, distance, distance])
-    if kind == 0:
-        drift, w, normal, distance, ok = face_row(touch, z)
-    else:
-        w, normal, distance, ok = edge_row(touch, z)
-    return drift, w, normal, distance, ok
+def is_swung(touch: ti.template(), z):
+    """Whether contact has thrown a point of pair z."""
+    some = 0
+    for k in ti.static(range(4)):
+        some |= touch.swung[touch.ends[z, k]]
+    return some > 0
 
 
 @ti.func
@@ -307,13 +162,15 @@ def is_nearest(touch: ti.template(), z):
 
 
 @ti.func
-def find_rows(touch: ti.template(), q, t, threads, measures, eases, h):
+def find_rows(touch: ti.template(), q, t, threads, task, eases, look, h):
     """Thread t's rows of this substep; returns how many.  Pairs whose points have not gone far
     enough since the search sleep.
 
     Args:
-        measures: only write how deep pairs are.
+        task: WRITE rows; or only MEASURE how deep pairs are, or ASK how many rows a blow asks for,
+            without which surfaces would sink into each other by much.
         eases: whether bodies are pushed out of each other: points then by their nearest faces.
+        look: how often rows have been found in this substep.
     """
     own = touch.order[q, f.THREAD] + t
     close, count, looked = near_of(touch, q), 0, 0
@@ -325,26 +182,43 @@ def find_rows(touch: ti.template(), q, t, threads, measures, eases, h):
             awake = touch.distance[z] < far
             if awake:
                 awake = touch.distance[z] < close + way_of(touch, q, z, kind)
+            if awake and task == ASK:
+                awake = is_swung(touch, z)
             if awake:
                 looked += 1
-                drift, w, normal, distance, ok = row_of(touch, z, kind)
+                drift, w, normal, distance, ok = gap_of(touch, z, kind)
+                if ok:
+                    ok = ti.i32(-distance < close + core_of(touch, z))  # deeper ones may sleep
                 if ok:
                     behind = thickness(touch, touch.ends[z, 0], touch.ends[z, 3]) - distance
                 if ok and eases:
                     ok = is_nearest(touch, z)
-                if ok and measures == 0:
+                if ok and task != MEASURE and -behind < h * closing_of(touch, q, z, w):
                     b, c = touch.body[touch.ends[z, 0]], touch.body[touch.ends[z, 3]]
                     eased = ease(touch, q, b, c, h)
                     row = begin + n
-                    for k in range(4):
-                        touch.corner[row, k] = touch.ends[z, k]
-                    if write_row(touch, row, w, normal, distance, drift, eased, h):
+                    corner = ti.Vector([touch.ends[z, k] for k in range(4)])
+                    aims = aim(touch, corner, distance, eased, h)
+                    rate = least_rate(touch, corner, w, normal, drift, look)
+                    if task == ASK:
+                        rate = drift.dot(normal)
+                        for k in ti.static(range(4)):
+                            rate += w[k] * outcome(touch, corner[k]).dot(normal)
+                        may = BLOW * thickness(touch, corner[0], corner[3])
+                        if touch.trait[b, f.SOLID] and touch.trait[c, f.SOLID]:
+                            may *= FIRM
+                        sinks = h * (aims[1] - rate) > may
+                        n += ti.cast(aims[0] >= 0.0 and sinks, ti.i32)
+                    elif rate < aims[1] or aims[0] < 0.0:
+                        write_row(touch, row, corner, w, normal, aims, drift)
                         n += 1
-            if measures:
+            if task == MEASURE:
                 touch.behind[z] = behind
-        touch.segment[own, f.FACES_NEAR + kind] = n
+        if task == WRITE:
+            touch.segment[own, f.FACES_NEAR + kind] = n
         count += n
-    touch.most[own, f.LOOKED] = looked
+    if task == WRITE:
+        touch.most[own, f.LOOKED] = looked
     return count
 
 
@@ -358,7 +232,7 @@ def find_depths(touch: ti.template(), q, h):
     own = touch.order[q, f.THREAD]
     if touch.order[q, f.COUNT] > 0:
         touch.most[own, f.GONE] = 0.0
-        find_rows(touch, q, 0, 1, 1, False, h)
+        find_rows(touch, q, 0, 1, MEASURE, False, 0, h)
         for kind in range(2):
             for z in range(touch.segment[own, 2 * kind], touch.segment[own, 2 * kind + 1]):
                 if touch.behind[z] > 0.0 and is_nearest(touch, z):

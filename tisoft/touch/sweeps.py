@@ -17,8 +17,10 @@ import taichi as ti
 from tisoft.model.threads import meet, share
 from tisoft.touch import fields as f
 from tisoft.touch.islands import find_islands
+from tisoft.touch.ways import BLOW
 
-LEAST_SWEEPS, MOST_SWEEPS = 4, 16
+LEAST_SWEEPS, MOST_SWEEPS, LAST_SWEEPS = 4, 16, 128
+"""The last only where sheets would sink in by much, as between what is heavy."""
 LEVER = 0.1
 """Share of a row that its free points must have: with less, where the others are held, they would
 be thrown to move it at all.
@@ -131,7 +133,8 @@ def carry(touch: ti.template(), row):
 
 @ti.func
 def solve(s: ti.template(), q, rows, first, eases, now):
-    """Sweep an island; returns how often.
+    """Sweep an island; returns how often, and the most of what it throws: how fast a point comes
+    out, or by how much that differs from its kick, the less of the two [m/s].
 
     Args:
         rows: of `queue`, first and last.
@@ -145,7 +148,11 @@ def solve(s: ti.template(), q, rows, first, eases, now):
     for z in range(rows[0], rows[1]):
         soften(touch, touch.queue[z])
     tolerance = ti.cast(touch.length[q, f.TOLERANCE], touch.real) / now.h
-    number, done = 0, 0
+    enough, deep = tolerance, 1e30 + 0.0 * tolerance
+    for z in range(first, last):
+        if touch.trait[touch.body[touch.candidate[z]], f.SOLID] == 0:
+            deep = BLOW * ti.cast(touch.length[q, f.THIN], touch.real) / now.h
+    number, done, swing = 0, 0, 0.0 * tolerance
     while done == 0:
         worst = 0.0 * tolerance
         for z in range(first, last):
@@ -156,7 +163,9 @@ def solve(s: ti.template(), q, rows, first, eases, now):
         for z in range(first, last):
             answer(touch, touch.candidate[z])
         number += 1
-        if number == MOST_SWEEPS or (number >= LEAST_SWEEPS and worst < tolerance):
+        if number == MOST_SWEEPS:
+            enough = deep
+        if number == LAST_SWEEPS or (number >= LEAST_SWEEPS and worst < enough):
             done = 1
     for z in range(rows[0], rows[1]):
         part(touch, touch.queue[z])
@@ -164,7 +173,11 @@ def solve(s: ti.template(), q, rows, first, eases, now):
         if ti.static(s.contact) or eases:
             for z in range(rows[0], rows[1]):
                 carry(touch, touch.queue[z])
-    return number
+    for z in range(first, last):
+        p = touch.candidate[z]
+        v = touch.velocity[p]
+        swing = ti.max(swing, ti.min((v - touch.kicked[p]).norm_sqr(), v.norm_sqr()))
+    return ti.Vector([number, ti.sqrt(swing)])
 
 
 @ti.func
@@ -182,17 +195,18 @@ def sweep(s: ti.template(), scene, q, t, threads, phase, eases, now):
     rows = touch.island_end[base + count - 1] - base
     begin, end = base + share(0, rows, t, threads), base + share(0, rows, t + 1, threads)
     first = touch.order[q, f.CANDIDATE] + t * touch.order[q, f.WIDTH]
-    start, most = base, 0
+    start, most = base, 0.0 * touch.target[base] + ti.Vector([0.0, 0.0])
     for island in range(base, base + count):
         stop = touch.island_end[island]
         if begin <= start and start < end:
             most = ti.max(most, solve(s, q, ti.Vector([start, stop]), first, eases, now))
         start = stop
-    touch.most[touch.order[q, f.THREAD] + t, f.WORST] = most
+    touch.most[touch.order[q, f.THREAD] + t, f.WORST] = most[0]
+    touch.most[touch.order[q, f.THREAD] + t, f.SWING] = most[1]
     phase += 1
     meet(s, scene, phase, threads)
     if t == 0:
-        sweeps = ti.cast(most, ti.i32)
+        sweeps = ti.cast(most[0], ti.i32)
         for k in range(1, threads):
             other = touch.most[touch.order[q, f.THREAD] + k, f.WORST]
             sweeps = ti.max(sweeps, ti.cast(other, ti.i32))

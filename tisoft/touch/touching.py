@@ -266,7 +266,7 @@ class Touching:
         length = np.zeros(f.LENGTHS)
         edge = min(toucher.surface.edge for toucher in self.touchers)
         thick = [toucher.thickness for toucher in self.touchers]
-        length[f.THICK] = max(thick)
+        length[f.THICK], length[f.THIN] = max(thick), min(thick)
         length[f.LONGEST] = max(toucher.surface.longest for toucher in self.touchers)
         has_cores = any(s.surface is None for s in self.standings)
         length[f.TOLERANCE] = TOLERANCE * (FINER if has_cores else 1.0) * min(thick)
