@@ -598,6 +598,29 @@ def most_crossings(sim):
     return max(len(crossings(x, triangles)) for x in every)
 
 
+@pytest.mark.parametrize("speed", [0.0, 5.0])
+def test_a_light_sheet_on_a_table_carries_what_falls_on_it(speed):
+    """600 times its weight.  The table stops the sheet's nodes, which then hold the block; else 44
+    to 124 edges of the two cross, and the block lies in the sheet.
+    """
+    scene = ts.Scene(frame_rate=200.0)
+    scene.add_obstacle(ts.Box((0, -0.1, 0), (0.5, 0.2, 0.5), friction=0.5))
+    cloth = ts.cloth(size=(0.8, 0.8), cells=(10, 10)).transformed(translate=(-0.4, 0.005, -0.4))
+    scene.add_body(cloth, ts.MassSpring(stiffness=100.0, node_mass=0.005))
+    block = ts.box((0.3, 0.1, 0.3), (4, 2, 4)).transformed(rotate=(0, 20, 0))
+    block = block.transformed(translate=(-0.1, 0.05, -0.15))
+    scene.add_body(block, ts.NeoHookean(1e6, 0.3, 1000.0), velocity=(0, -speed, 0))
+    sim = simulation(scene, threads=1)
+    assert max(crossings_of_sheets(sim, 0.3)) == 0
+    gap = 0.5 * sum(toucher.thickness for toucher in sim.touching.touchers)
+    if speed == 0.0:
+        lowest = sim.positions(scene.bodies[1])[:, 1].min()
+        assert lowest - gap == pytest.approx(0.0, abs=0.1 * gap)
+    energy = sim.energy()
+    assert energy["dissipated"] > 0 and energy["friction"] > -1e-3
+    assert abs(energy["error"]) < 0.05 * (0.5 * 9.0 * speed**2 + 9.0 * 9.81 * 0.05)
+
+
 def test_cloth_that_folds_does_not_cross_itself():
     """Nobody asked for it; contact is compiled when the cloth begins to fold."""
     assert most_crossings(pendulum(self_contact=False)) > 10

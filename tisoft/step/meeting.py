@@ -17,7 +17,7 @@ from tisoft.model.state import TOUCH_SCENE
 from tisoft.model.threads import meet, share
 from tisoft.obstacles.base import VELOCITY
 from tisoft.step import external, forces, ledger
-from tisoft.step.contact import corner_place, surface_velocity
+from tisoft.step.contact import corner_place, stop_of, surface_velocity
 from tisoft.step.fixed import held
 from tisoft.step.substep import move, now_of
 from tisoft.touch import fields as f
@@ -96,6 +96,18 @@ def kick(s: ti.template(), i, row, n, now):
     p = s.surfaces.point[n]
     if p >= 0:
         place(s, i, p, held(s.state, i, s.integrator.ahead(s.state, i, a, now)))
+
+
+@ti.func
+def lean(s: ti.template(), i, n, now):
+    """Tell contact which obstacle stops node i, whose row of touch is n."""
+    p = s.surfaces.point[n]
+    if p >= 0:
+        if s.surfaces.met[p]:
+            stop, bound = 0.0 * s.surfaces.kicked[p], -1e30 + 0.0 * now.h
+            if s.state.fixed[i] == 0:
+                stop, bound = stop_of(s.state, i, now.h, s.surfaces.kicked[p])
+            s.surfaces.stop[p], s.surfaces.bound[p] = stop, bound
 
 
 @ti.func
@@ -183,6 +195,9 @@ def touch_nodes(s: ti.template(), scene, t, threads, phase, now, stale):
         again = False
         if found > rows:
             rows = found
+            if ti.static(s.contact):
+                for i in range(first, last):
+                    lean(s, i, i + base, now)
             phase = sweep(s, scene, q, t, threads, phase, eases, now)
             thin = ti.cast(s.surfaces.length[q, f.THIN], s.surfaces.real)
             again = now.h * most_of(s, q, threads, f.SWING) > BLOW * thin

@@ -128,6 +128,12 @@ class Touch:
         """Speed up to which its pairs are looked for [m/s]."""
         self.held = field(ti.i32, "points")
         """Bits of axes that do not answer to impulses."""
+        self.stop = field(vec3, "points")
+        """Normal of the obstacle that stops it first."""
+        self.bound = field(real, "points")
+        """Velocity along that which it has at least [m/s]; −1e30 for no obstacle."""
+        self.stopped = field(ti.i32, "points")
+        """Whether it is stopped, in sweeps."""
         self.inverse_mass = field(real, "points")
         """[1/kg]; 0 for what is held or an obstacle's."""
         self.weight = field(real, "points")
@@ -190,6 +196,8 @@ class Touch:
         """[m/s]."""
         self.mass = ti.field(real)
         """1/P [kg], 0 where its points are held."""
+        self.loose = ti.field(real)
+        """The same along the surfaces, where no obstacle stops its points."""
         self.impulse = ti.field(real)
         """λ [N s]."""
         self.grip = vec3.field()
@@ -202,8 +210,8 @@ class Touch:
         """The share of `target` whose work is from outside [m/s]."""
         # What a sweep reads of a row stands side by side.
         builder.dense(ti.i, rows["pairs"]).place(
-            self.normal, self.target, self.mass, self.impulse, self.grip, self.drift, self.rough,
-            self.outside,
+            self.normal, self.target, self.mass, self.loose, self.impulse, self.grip, self.drift,
+            self.rough, self.outside,
         )  # fmt: skip
         self.island = field(ti.i32, "pairs")
         """Of a row: the row of its island."""
@@ -262,10 +270,10 @@ class Touch:
     def bytes_of(structure: str, rows: dict[str, int]) -> int:
         """Memory that the fields take [bytes]."""
         real = 8 if structure == "f64" else 4
-        points = rows["points"] * (44 * real + 32) + rows["nodes"] * (6 * real + 4)
+        points = rows["points"] * (48 * real + 36) + rows["nodes"] * (6 * real + 4)
         points += rows["edges"] * (4 * real + 16) + rows["kins"] * 4
         return points + rows["triangles"] * 28 + rows["fans"] * 8 + (
-            rows["pairs"] * (20 * real + 72) + rows["patches"] * (18 * real + 24)
+            rows["pairs"] * (21 * real + 72) + rows["patches"] * (18 * real + 24)
         )  # fmt: skip
 
     def destroy(self) -> None:
@@ -282,6 +290,7 @@ class Touch:
             self.inverse_mass[first + k] = 0.0
             self.velocity[first + k] = ti.Vector([0.0, 0.0, 0.0])
             self.met[first + k] = 0
+            self.bound[first + k] = -1e30
         ti.loop_config(serialize=self.serial)
         for k in range(fan_start.shape[0] - body.shape[0]):
             self.fan_start[first + body.shape[0] + k] = fan_start[body.shape[0] + k]

@@ -3,13 +3,14 @@
 
     P = Σ_k |w_k| S_k/m_k,   S_i = Σ_rows |w_i|
     λ ← max(λ + (target − n·Jv)/P, 0),   λ_t ← λ_t − (Jv)_t/P, no longer than μ λ
-    v_i = v_i* + Σ_rows w_i (λ n + λ_t)/m_i
+    v_i = v_i* + Σ_rows w_i (λ n + λ_t)/m_i,   then v_i·n_o ≥ bound at an obstacle's surface n_o
 
 P bounds the sums of the rows of A = J M⁻¹ Jᵀ, so that a sweep never gains energy where gaps close,
-whatever the step; impulses are equal and opposite by construction.  Splitting the mass of a node
-between contacts: Tonge, Benevolenski and Voroshilov (2012), there by count.  Each island is swept
-by one thread until it has converged, and its sums have the order of its rows: no atomics, the same
-bits with any number of threads.
+whatever the step; impulses are equal and opposite by construction.  What an obstacle stops gives
+way to no row that presses it on, and 1/m_i is as much less there: else a light sheet on the floor
+would carry nothing.  Splitting the mass of a node between contacts: Tonge, Benevolenski and
+Voroshilov (2012), there by count.  Each island is swept by one thread until it has converged, and
+its sums have the order of its rows: no atomics, the same bits with any number of threads.
 """
 
 import taichi as ti
@@ -41,7 +42,8 @@ def weigh(touch: ti.template(), row, last):
                 touch.pushed[p] = ti.Vector([0.0, 0.0, 0.0])
                 touch.rubbed[p] = ti.Vector([0.0, 0.0, 0.0])
                 touch.carried[p] = ti.Vector([0.0, 0.0])
-                touch.velocity[p] = touch.kicked[p]
+                touch.thrust[p] = ti.Vector([0.0, 0.0, 0.0])
+                answer(touch, p)
                 touch.candidate[last] = p
                 last += 1
             touch.weight[p] = touch.weight[p] + ti.abs(touch.share[row, k])
@@ -51,15 +53,21 @@ def weigh(touch: ti.template(), row, last):
 @ti.func
 def soften(touch: ti.template(), row):
     """1/P of a row, once S is known."""
-    inverse, free = 0.0 * touch.target[row], 0.0 * touch.target[row]
+    inverse, loose, free = 0.0 * touch.target[row], 0.0 * touch.target[row], 0.0 * touch.target[row]
     for k in range(4):
         p, w = touch.corner[row, k], ti.abs(touch.share[row, k])
-        inverse += w * touch.weight[p] * touch.inverse_mass[p]
+        gives = 1.0 + 0.0 * w
+        if touch.stopped[p]:
+            into = touch.share[row, k] * touch.normal[row].dot(touch.stop[p])
+            if into < 0.0:
+                gives -= (into / w) ** 2
+        inverse += w * touch.weight[p] * touch.inverse_mass[p] * gives
+        loose += w * touch.weight[p] * touch.inverse_mass[p]
         if touch.inverse_mass[p] > 0.0:
-            free += w
+            free += w * gives
     touch.mass[row] = 0.0
     if inverse > 0.0 and free > LEVER:
-        touch.mass[row] = 1.0 / inverse
+        touch.mass[row], touch.loose[row] = 1.0 / inverse, 1.0 / loose
 
 
 @ti.func
@@ -78,7 +86,7 @@ def push(touch: ti.template(), row):
         impulse = ti.max(touch.impulse[row] + short * mass, 0.0 * short)
         touch.impulse[row] = impulse
         most = touch.rough[row] * impulse
-        grip = touch.grip[row] - (rate - along * n) * mass
+        grip = touch.grip[row] - (rate - along * n) * touch.loose[row]
         square = grip.norm_sqr()
         if square > most * most:
             grip *= most / ti.sqrt(square)
@@ -94,12 +102,15 @@ def push(touch: ti.template(), row):
 
 @ti.func
 def answer(touch: ti.template(), p):
-    """Velocity of point p with the impulses on it."""
+    """Velocity of point p with the impulses on it, no deeper into an obstacle than up to it."""
     jump = touch.thrust[p] * touch.inverse_mass[p]
     for d in ti.static(range(3)):
         if touch.held[p] & (1 << d):
             jump[d] = 0.0
-    touch.velocity[p] = touch.kicked[p] + jump
+    v = touch.kicked[p] + jump
+    short = touch.bound[p] - v.dot(touch.stop[p])
+    touch.stopped[p] = ti.cast(short > 0.0, ti.i32)
+    touch.velocity[p] = v + ti.max(short, 0.0 * short) * touch.stop[p]
 
 
 @ti.func
@@ -145,11 +156,12 @@ def solve(s: ti.template(), q, rows, first, eases, now):
     last = first
     for z in range(rows[0], rows[1]):
         last = weigh(touch, touch.queue[z], last)
-    for z in range(rows[0], rows[1]):
-        soften(touch, touch.queue[z])
     tolerance = ti.cast(touch.length[q, f.TOLERANCE], touch.real) / now.h
     enough, deep = tolerance, 1e30 + 0.0 * tolerance
+    stops = False
     for z in range(first, last):
+        if touch.bound[touch.candidate[z]] > -1e29:
+            stops = True
         if touch.trait[touch.body[touch.candidate[z]], f.SOLID] == 0:
             deep = BLOW * ti.cast(touch.length[q, f.THIN], touch.real) / now.h
     number, done, swing = 0, 0, 0.0 * tolerance
@@ -158,6 +170,9 @@ def solve(s: ti.template(), q, rows, first, eases, now):
         for z in range(first, last):
             p = touch.candidate[z]
             touch.thrust[p] = ti.Vector([0.0, 0.0, 0.0])
+        if number == 0 or stops:
+            for z in range(rows[0], rows[1]):
+                soften(touch, touch.queue[z])
         for z in range(rows[0], rows[1]):
             worst = ti.max(worst, push(touch, touch.queue[z]))
         for z in range(first, last):
