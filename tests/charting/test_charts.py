@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 import tisoft as ts
 from tisoft import cli
-from tisoft.charting import estimate
+from tisoft.charting import advice, estimate
 from tisoft.charting.advice import advise
 from tisoft.charting.carried import carried
 from tisoft.charting.carriers import carrier
@@ -366,6 +366,15 @@ def test_a_chart_says_what_its_numbers_say(chart):
     assert "30 % (± 1 %)" in first and "1/10 with good" in second
     result = chart.result()
     assert result["current"] == "as it is" and result["best"]["0.1"] == "good"
+
+
+def test_what_a_bar_hides_only_may_be_too_coarse():
+    for error, word in (
+        (Error(0.043, 0.041), "may be too coarse"),
+        (Error(0.08, 0.04), "too coarse"),
+    ):
+        one = Judged("a", (), "linear", "hex8", 1, 8, 1.0, 1.0, 1.0, {"sag": error})
+        assert advice._coarse(one, 0.03) == word
 
 
 def test_picture_and_page_are_whole_and_hold_every_variant(chart):

@@ -230,7 +230,7 @@ def _reasons(survey: Survey, chart: Chart, choice: Judged, tolerance: float) -> 
     if coarser and choice.worst.most <= tolerance:
         next_ = min(coarser, key=lambda v: v.worst.most)
         reasons.append(
-            f"{_named(next_)} would be cheaper but too coarse: it may err by "
+            f"{_named(next_)} would be cheaper but {_coarse(next_, tolerance)}: it may err by "
             f"{percent(next_.worst.most)} %, more than {limit}."
         )
     now = chart.current
@@ -240,7 +240,8 @@ def _reasons(survey: Survey, chart: Chart, choice: Judged, tolerance: float) -> 
             "the cost."
         )
     elif now.name != choice.name:
-        reasons.append(f"The scene as it is is too coarse: it errs by {told(now.worst)}.")
+        is_coarse = "is " * (now.least > tolerance) + _coarse(now, tolerance)
+        reasons.append(f"The scene as it is {is_coarse}: it errs by {told(now.worst)}.")
     own = [v for v in chart.variants if v.model == now.model == "mass-spring"]
     if survey.catalogue.has_solid_twin and choice.model != "mass-spring" and own:
         finest = min(own, key=lambda v: v.worst.value)
@@ -257,6 +258,11 @@ def _reasons(survey: Survey, chart: Chart, choice: Judged, tolerance: float) -> 
             "elasticity is enough.",
         )
     return reasons[:3]
+
+
+def _coarse(variant: Judged, tolerance: float) -> str:
+    """That a variant errs by more than the tolerance, or may."""
+    return "too coarse" if variant.least > tolerance else "may be too coarse"
 
 
 def _named(variant: Judged) -> str:

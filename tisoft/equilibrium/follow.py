@@ -33,7 +33,7 @@ FIRST = 1e-8
 """Load steps below this share of the full load end the search at rest."""
 BESIDE = 0.5
 """Share of the displacements within which an answer is that of a coarser mesh."""
-ROUGH = 0.1
+ROUGH = 0.2
 """The same where displacements that were carried over press cells so far that they are unstable."""
 INCONSISTENT = 1e-3
 """Share of the load that falls on mechanisms, above which the rest shape cannot be left along a
