@@ -312,6 +312,31 @@ def test_nets_swing_about_the_answer_that_is_known_already(tmp_path):
     assert known["frequencies"] == pytest.approx(anew["frequencies"], rel=1e-6)
 
 
+def test_modes_of_nets_are_foretold_and_asked_after_their_equilibrium(tmp_path):
+    path = tmp_path / "net.toml"
+    path.write_text("""
+    [[body]]
+    model = "mass-spring"
+    young = 1e5
+    density = 300
+    thickness = 0.002
+    [body.mesh]
+    cloth = { size = [1, 1], cells = [8, 8] }
+    [[body.pin]]
+    where = { box = [[-1, -1, -1], [2, 1, 1e-6]] }
+    """)
+    survey = Survey(path, 0.3, patient=True)
+    asking, fine = survey.asking, survey.catalogue.mesh("spring", 4.0)
+    assert asking.needs("modes", fine) > 3.0 * asking.patience.needs(
+        "modes", *asking._kind("modes", fine)
+    )
+    assert asking.ask("modes", fine, 1.0) is None
+    assert not asking.has("static", fine) and not asking.has("modes", fine)
+    asking.budget = 1e6
+    assert asking.ask("modes", asking.variants[0])["about"] == "equilibrium"
+    assert asking.has("static", asking.variants[0])
+
+
 def test_what_time_did_not_suffice_for_is_not_tried_again_within_as_much(scene, monkeypatch):
     asking, given = Survey(scene, 1e6, patient=True).asking, []
     own = asking.bench.ask

@@ -62,8 +62,10 @@ class Asking:
             needs = self.needs(what, variant)
             if not always and self.spent() + needs > share * self.budget:
                 return None
-            if self.springs and what == "modes" and ("static", variant.settings) in self._late:
-                return None  # nets swing about their equilibrium, which would be late again
+            if self._hangs_on_static(what, variant):
+                self.ask("static", variant, share, always=always)
+                if not self.has("static", variant):
+                    return None
             self.tick(variant.name)
             until = min(share, 0.5) if always else share
             left = max(1.0, until * self.budget - self.spent())
@@ -120,7 +122,13 @@ class Asking:
             # Its kernels are those of a timing, compiled first where none was of their kind.
             return self.patience.timing(kind) + 1.2 * self.cost(variant)[0] * self.duration
         late = self._late.get((what, variant.settings), 0.0)
-        return max(self.patience.needs(what, kind, size), LATE * late)
+        first = self.needs("static", variant) if self._hangs_on_static(what, variant) else 0.0
+        return first + max(self.patience.needs(what, kind, size), LATE * late)
+
+    def _hangs_on_static(self, what: str, variant: Variant) -> bool:
+        """Whether these are modes of a net, which swings about its equilibrium, and that is not
+        known yet."""
+        return self.springs and what == "modes" and not self.has("static", variant)
 
     def _kind(self, what: str, variant: Variant) -> tuple[tuple[str, ...], dict[str, Any]]:
         """What decides which kernels an answer needs, and the variant's size."""
