@@ -19,6 +19,8 @@ TIMED_OF = ("cost", "substep", "frame", "growth")
 """What a record tells of a timing."""
 LATE = 2.0
 """Times what did not suffice for an answer, that it is supposed to need."""
+OVERRUN = 1.3
+"""Times what is left of the budget of advice, after which an answer is given up."""
 LONGEST = 3.0
 """Times the budget of advice, after which nothing tells what it is asked."""
 
@@ -70,7 +72,7 @@ class Asking:
             until = min(share, 0.5) if always else share
             left = max(1.0, until * self.budget - self.spent())
             if self.patient:  # what others take does not count; what leads nowhere shall not last
-                left = LONGEST * self.budget if always else min(2.0 * left, 1.0 + 3.0 * needs)
+                left = LONGEST * self.budget if always else min(OVERRUN * left, 1.0 + 3.0 * needs)
             found = self.bench.ask(what, variant, left)
             if what not in self.bench.record(variant):
                 self._late[what, variant.settings] = left

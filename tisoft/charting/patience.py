@@ -30,7 +30,7 @@ NODE = {
 }  # fmt: skip
 """Seconds a node."""
 FOLDS = 1.2e-5, 1.75
-"""Seconds more that nets, which fold, need for an equilibrium: a factor, and a power of the nodes."""
+"""Seconds more that nets, which fold, need for an equilibrium: a factor, and a power of nodes."""
 FRONT = 2e-10
 """Seconds of a factorisation for each unknown of its widest front, cubed."""
 FACTORED = {"static": 2.0, "linear static": 1.0, "modes": 3.2, "exact modes": 3.2, "step": 0.0}
