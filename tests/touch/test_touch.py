@@ -600,7 +600,7 @@ def most_crossings(sim):
 
 @pytest.mark.parametrize("speed", [0.0, 5.0])
 def test_a_light_sheet_on_a_table_carries_what_falls_on_it(speed):
-    """600 times its weight.  The table stops the sheet's nodes, which then hold the block; else 44
+    """15 times its weight.  The table stops the sheet's nodes, which then hold the block; else 44
     to 124 edges of the two cross, and the block lies in the sheet.
     """
     scene = ts.Scene(frame_rate=200.0)

@@ -1,7 +1,7 @@
 # mypy: ignore-errors
 """Which listed pairs sleep: those that cannot have come together since the search.
 
-    d ≥ DEEP thickness + way_a + way_b,   way = max over the points of |x − x_listed| + h |v*|
+    d ≥ SEEN thickness + way_a + way_b,   way = max over the points of |x − x_listed| + h |v*|
 
 with d as listed.  Where ways have grown so that pairs are awake which need not be, lists are made
 anew as soon as those have cost as much as a search.
@@ -13,9 +13,8 @@ from tisoft.obstacles.base import POINT
 from tisoft.touch import fields as f
 
 SEEN = 1.2
-"""Thicknesses beyond which a side is believed."""
-DEEP = 3.0
-"""Thicknesses up to which what is behind a face counts: pairs as near never sleep."""
+"""Thicknesses beyond which a side is believed, and a pair does nothing: so deep points do not count
+either."""
 AWAKE_WORK = 12
 """Work of a pair that is awake in a substep, in that of a test of two boxes."""
 
@@ -35,7 +34,7 @@ def note_awake(touch: ti.template(), q, threads):
 @ti.func
 def near_of(touch: ti.template(), q):
     """Distance [m] beyond which a pair does nothing."""
-    near = DEEP * touch.length[q, f.THICK] + touch.length[q, f.SUNK]
+    near = SEEN * touch.length[q, f.THICK] + touch.length[q, f.SUNK]
     return ti.cast(near, touch.real)
 
 

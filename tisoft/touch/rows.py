@@ -9,7 +9,7 @@ does not depend on h:  gap + D and target + V for those,  D = Dâ‚€ left,  V = âˆ
 Speculative: the gap is that of the substep's start, so no speed and no thin body slips through.
 Kicks close gaps, and so does what contact makes of them: after a blow rows are looked for again,
 with any velocity between the two.  Which rows there are does not depend on how old the lists are:
-gaps wider than any list is sure to have, and points deeper than DEEP, make none.
+gaps wider than any list is sure to have, and points deeper than SEEN, make none.
 
 | symbol   | where                         | unit |
 | -------- | ----------------------------- | ---- |
@@ -31,7 +31,8 @@ from tisoft.touch.ways import BLOW, outcome
 WRITE, MEASURE, ASK = range(3)
 """What `find_rows` is to do."""
 FIRM = 4.0
-"""Solids have depth, and may sink in by so many times BLOW before a blow asks for new rows."""
+"""Solids have depth, and may sink in by so many times BLOW before a blow asks for new rows: two
+thicknesses, after which they are less than SEEN behind a face."""
 PUSH = 0.2
 """Share of a penetration that a substep takes back."""
 
