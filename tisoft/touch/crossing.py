@@ -77,6 +77,6 @@ def crossed(touching: Any, world: Floats) -> list[str]:
     x, y, z = found[0]
     return [
         f"{len(found)} edges of the triangles of sheets ({names}) pass through others, one at "
-        f"({x:.3g}, {y:.3g}, {z:.3g}) m: crumpled to the size of an edge, squeezed hard, or started "
+        f"({x:.3g}, {y:.3g}, {z:.3g}) m: crumpled to the size of an edge, squeezed hard or started "
         "so, they stay crossed; smaller triangles fold more finely, a smaller step meets earlier"
     ]
