@@ -621,6 +621,28 @@ def test_a_light_sheet_on_a_table_carries_what_falls_on_it(speed):
     assert abs(energy["error"]) < 0.05 * (0.5 * 9.0 * speed**2 + 9.0 * 9.81 * 0.05)
 
 
+@pytest.mark.parametrize(("degrees", "slips"), [(10, False), (25, True)])
+def test_a_block_on_a_cloth_on_a_slope_sticks_and_slides_as_on_the_slope(degrees, slips):
+    """The slope's friction holds the cloth's nodes within the same sweeps, and those the block:
+    arctan .3 is 16.7 degrees.  (Else it crept at .05 m/s on 10.)
+    """
+    a = np.radians(degrees)
+    scene = ts.Scene(frame_rate=100.0)
+    scene.add_obstacle(ts.Plane((0, 0, 0), (np.sin(a), np.cos(a), 0), friction=0.3))
+    cloth = ts.cloth(size=(0.8, 0.8), cells=(10, 10)).transformed(translate=(-0.4, 0.006, -0.4))
+    block = ts.box((0.2, 0.1, 0.2), (3, 2, 3)).transformed(translate=(-0.1, 0.012, -0.1))
+    model = ts.NeoHookean(1e6, 0.3, 1000.0, damping_ratio=0.1)
+    for mesh, made_of in ((cloth, ts.MassSpring(stiffness=100.0, node_mass=0.005)), (block, model)):
+        scene.add_body(mesh.transformed(rotate=(0, 0, -degrees)), made_of).friction = 0.3
+    sim = simulation(scene, threads=1)
+    sim.run(0.3)
+    speed = sim.velocities(scene.bodies[1]).mean(axis=0) @ [np.cos(a), -np.sin(a), 0]
+    if slips:
+        assert speed == pytest.approx(9.81 * (np.sin(a) - 0.3 * np.cos(a)) * 0.3, rel=0.2)
+    else:
+        assert abs(speed) < 1e-4
+
+
 def test_cloth_that_folds_does_not_cross_itself():
     """Nobody asked for it; contact is compiled when the cloth begins to fold."""
     assert most_crossings(pendulum(self_contact=False)) > 10

@@ -86,18 +86,22 @@ def surface_velocity(state: ti.template(), row, x):
 
 @ti.func
 def stop_of(state: ti.template(), i, h, v):
-    """Normal of the obstacle that is the first to stop node i at velocity v, and the velocity along
-    it that just reaches its surface [m/s]; 0 and −1e30 for none.  Reads as `collide`.
+    """Normal of the obstacle that is the first to stop node i at velocity v, the velocity along it
+    that just reaches its surface [m/s], that of the surface [m/s] and its friction; 0, −1e30, 0
+    and 0 for none.  Reads as `collide`.
     """
     stop, bound, short = 0.0 * v, -1e30 + 0.0 * h, -1e30 + 0.0 * h
+    surface, rough = 0.0 * v, 0.0 * h
     x = state.rest[i] + state.displacement[i]
     body = state.body[i]
     for row in range(state.obstacle_start[body], state.obstacle_start[body + 1]):
         gap, normal = gap_and_normal(state, row, x)
-        allowed = normal.dot(surface_velocity(state, row, x)) - ti.max(gap, 0.0 * gap) / h
+        w = surface_velocity(state, row, x)
+        allowed = normal.dot(w) - ti.max(gap, 0.0 * gap) / h
         if allowed - normal.dot(v) > short:
             stop, bound, short = normal, allowed, allowed - normal.dot(v)
-    return stop, bound
+            surface, rough = w, state.obstacle[row, FRICTION]
+    return stop, bound, surface, rough
 
 
 @ti.func

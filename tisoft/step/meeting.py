@@ -105,9 +105,12 @@ def lean(s: ti.template(), i, n, now):
     if p >= 0:
         if s.surfaces.met[p]:
             stop, bound = 0.0 * s.surfaces.kicked[p], -1e30 + 0.0 * now.h
+            surface, hold = 0.0 * stop, 0.0 * bound
             if s.state.fixed[i] == 0:
-                stop, bound = stop_of(s.state, i, now.h, s.surfaces.kicked[p])
+                v = s.surfaces.kicked[p]
+                stop, bound, surface, hold = stop_of(s.state, i, now.h, v)
             s.surfaces.stop[p], s.surfaces.bound[p] = stop, bound
+            s.surfaces.surface[p], s.surfaces.hold[p] = surface, hold
 
 
 @ti.func

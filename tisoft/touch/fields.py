@@ -132,8 +132,12 @@ class Touch:
         """Normal of the obstacle that stops it first."""
         self.bound = field(real, "points")
         """Velocity along that which it has at least [m/s]; −1e30 for no obstacle."""
+        self.surface = field(vec3, "points")
+        """Velocity of that obstacle's surface there [m/s]."""
+        self.hold = field(real, "points")
+        """Its friction."""
         self.stopped = field(ti.i32, "points")
-        """Whether it is stopped, in sweeps."""
+        """Whether it is stopped, in sweeps: 1 where it slides, 2 where it sticks."""
         self.inverse_mass = field(real, "points")
         """[1/kg]; 0 for what is held or an obstacle's."""
         self.weight = field(real, "points")
@@ -270,7 +274,7 @@ class Touch:
     def bytes_of(structure: str, rows: dict[str, int]) -> int:
         """Memory that the fields take [bytes]."""
         real = 8 if structure == "f64" else 4
-        points = rows["points"] * (48 * real + 36) + rows["nodes"] * (6 * real + 4)
+        points = rows["points"] * (52 * real + 36) + rows["nodes"] * (6 * real + 4)
         points += rows["edges"] * (4 * real + 16) + rows["kins"] * 4
         return points + rows["triangles"] * 28 + rows["fans"] * 8 + (
             rows["pairs"] * (21 * real + 72) + rows["patches"] * (18 * real + 24)

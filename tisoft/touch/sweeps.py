@@ -56,18 +56,22 @@ def soften(touch: ti.template(), row):
     inverse, loose, free = 0.0 * touch.target[row], 0.0 * touch.target[row], 0.0 * touch.target[row]
     for k in range(4):
         p, w = touch.corner[row, k], ti.abs(touch.share[row, k])
-        gives = 1.0 + 0.0 * w
+        gives, slides = 1.0 + 0.0 * w, 1.0 + 0.0 * w
         if touch.stopped[p]:
             into = touch.share[row, k] * touch.normal[row].dot(touch.stop[p])
             if into < 0.0:
                 gives -= (into / w) ** 2
+                if touch.stopped[p] == 2:
+                    gives, slides = 0.0 * w, 0.0 * w
         inverse += w * touch.weight[p] * touch.inverse_mass[p] * gives
-        loose += w * touch.weight[p] * touch.inverse_mass[p]
+        loose += w * touch.weight[p] * touch.inverse_mass[p] * slides
         if touch.inverse_mass[p] > 0.0:
             free += w * gives
-    touch.mass[row] = 0.0
+    touch.mass[row], touch.loose[row] = 0.0, 0.0
     if inverse > 0.0 and free > LEVER:
-        touch.mass[row], touch.loose[row] = 1.0 / inverse, 1.0 / loose
+        touch.mass[row] = 1.0 / inverse
+        if loose > 0.0:
+            touch.loose[row] = 1.0 / loose
 
 
 @ti.func
@@ -102,15 +106,29 @@ def push(touch: ti.template(), row):
 
 @ti.func
 def answer(touch: ti.template(), p):
-    """Velocity of point p with the impulses on it, no deeper into an obstacle than up to it."""
+    """Velocity of point p with the impulses on it, no deeper into an obstacle than up to it, and
+    there with the friction of that, as nodes meet obstacles.
+    """
     jump = touch.thrust[p] * touch.inverse_mass[p]
     for d in ti.static(range(3)):
         if touch.held[p] & (1 << d):
             jump[d] = 0.0
     v = touch.kicked[p] + jump
     short = touch.bound[p] - v.dot(touch.stop[p])
-    touch.stopped[p] = ti.cast(short > 0.0, ti.i32)
-    touch.velocity[p] = v + ti.max(short, 0.0 * short) * touch.stop[p]
+    stopped = 0
+    if short > 0.0:
+        v += short * touch.stop[p]
+        slip = v - touch.surface[p]
+        slip -= slip.dot(touch.stop[p]) * touch.stop[p]
+        speed, most = slip.norm(), touch.hold[p] * short
+        stopped = 1
+        if speed > most:
+            v -= (most / speed) * slip
+        else:
+            v -= slip
+            stopped = 2
+    touch.stopped[p] = stopped
+    touch.velocity[p] = v
 
 
 @ti.func
