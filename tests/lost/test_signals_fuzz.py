@@ -38,8 +38,17 @@ def assert_nothing_was_lost(found):
     assert len(stopped) > len(found) / 4  # the others had come to their end
 
 
+def resumed(found):
+    return sum(case.get("resumed", False) for case in found)
+
+
 @pytest.mark.slow
 def test_signals_at_random_moments_of_every_command_that_writes(tmp_path):
     found = cases(tmp_path, 22 * int(os.environ.get("TISOFT_THOROUGH", "1")), "")
+    for more in range(3):  # beside others' load moments fall otherwise, and few runs may go on
+        if resumed(found) > 2:
+            break
+        (tmp_path / str(more)).mkdir()
+        found += cases(tmp_path / str(more), 8, "run")
     assert_nothing_was_lost(found)
-    assert sum(case.get("resumed", False) for case in found) > 2
+    assert resumed(found) > 2
