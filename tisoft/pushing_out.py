@@ -58,7 +58,7 @@ class PushingOut:
             if freed is not None and not freed[part.nodes].any():
                 continue
             for number, depths in enumerate(self._depths(part, world)):
-                if freed is not None and len(depths) == part.nodes.stop - part.nodes.start:
+                if freed is not None and part.body.carried is None:
                     depths = np.where(freed[part.nodes], depths, 0.0)
                 deepest = float(depths.max())
                 if deepest > (0.0 if freed is None else OUT * part.size):

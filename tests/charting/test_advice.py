@@ -5,6 +5,7 @@ import tomllib
 
 import numpy as np
 import pytest
+from sheets import sheet
 
 from tisoft import cli
 from tisoft.charting import advice, runs, written
@@ -196,15 +197,7 @@ def test_patience_learns_how_slow_the_machine_is():
 
 def test_a_sheet_that_falls_and_touches_itself_is_told_to_be_charted_before_anything_runs(tmp_path):
     path = tmp_path / "sheet.toml"
-    path.write_text("""
-    [[body]]
-    model = "mass-spring"
-    young = 1e5
-    density = 300
-    thickness = 0.002
-    [body.mesh]
-    cloth = { size = [1, 1], cells = [4, 4] }
-    """)
+    path.write_text(sheet(4))
     survey = advice.survey_for(path, 0.02)
     advice.measure(survey, 0.02)
     found = advice.advice_of(survey, 0.02)

@@ -6,6 +6,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from sheets import sheet
 
 import tisoft as ts
 from tisoft import cli
@@ -293,17 +294,7 @@ def test_nets_that_stand_for_themselves_vary_by_their_step_alone(tmp_path):
 
 def test_nets_swing_about_the_answer_that_is_known_already(tmp_path):
     path = tmp_path / "net.toml"
-    path.write_text("""
-    [[body]]
-    model = "mass-spring"
-    young = 1e5
-    density = 300
-    thickness = 0.002
-    [body.mesh]
-    cloth = { size = [1, 1], cells = [8, 8] }
-    [[body.pin]]
-    where = { box = [[-1, -1, -1], [2, 1, 1e-6]] }
-    """)
+    path.write_text(sheet(8, hangs=True))
     bench, now = Bench(str(path), [], {}), Variant("as it is", ())
     anew = modes_of(load_scene(path), [])
     assert bench.ask("static", now)["energy"] > 0.0
@@ -314,17 +305,7 @@ def test_nets_swing_about_the_answer_that_is_known_already(tmp_path):
 
 def test_modes_of_nets_are_foretold_and_asked_after_their_equilibrium(tmp_path):
     path = tmp_path / "net.toml"
-    path.write_text("""
-    [[body]]
-    model = "mass-spring"
-    young = 1e5
-    density = 300
-    thickness = 0.002
-    [body.mesh]
-    cloth = { size = [1, 1], cells = [8, 8] }
-    [[body.pin]]
-    where = { box = [[-1, -1, -1], [2, 1, 1e-6]] }
-    """)
+    path.write_text(sheet(8, hangs=True))
     survey = Survey(path, 0.3, patient=True)
     asking, fine = survey.asking, survey.catalogue.mesh("spring", 4.0)
     assert asking.needs("modes", fine) > 3.0 * asking.patience.needs(

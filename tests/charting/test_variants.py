@@ -3,6 +3,7 @@
 import meshio
 import numpy as np
 import pytest
+from sheets import sheet
 
 import tisoft as ts
 from tisoft.changes import scene_with
@@ -107,15 +108,7 @@ def test_the_ruler_is_of_quadratic_tets_in_every_body(tmp_path):
 
 def test_what_judges_itself_is_judged_by_ever_finer_meshes_of_itself(tmp_path):
     path = tmp_path / "net.toml"
-    path.write_text("""
-    [[body]]
-    model = "mass-spring"
-    young = 1e5
-    density = 300
-    thickness = 0.002
-    [body.mesh]
-    cloth = { size = [1, 1], cells = [4, 4] }
-    """)
+    path.write_text(sheet(4))
     pairs = list(pairs_of(Catalogue(str(path), load_scene(path), ()), twin=False))
     names = [(pair.worse.name[8:11], pair.better.name[8:11]) for pair in pairs]
     assert names == [("", "1.5"), ("", "2 x"), ("1.5", "3 x"), ("2 x", "4 x")]

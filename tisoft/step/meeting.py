@@ -210,8 +210,6 @@ def touch_nodes(s: ti.template(), scene, t, threads, phase, now, stale):
             meet(s, scene, phase, threads)
             again = again or most_of(s, q, threads, f.FLUNG) > 0.0
         look = look + 1 if again else MOST_LOOKS
-        if again and t == 0:
-            s.surfaces.order[q, f.LOOKS] = s.surfaces.order[q, f.LOOKS] + 1
     if is_met and eases and now.opens and t == 0:
         falls = now.h * s.surfaces.length[q, f.RATE]
         s.surfaces.length[q, f.LEFT] = ti.max(s.surfaces.length[q, f.LEFT] - falls, 0.0)

@@ -18,13 +18,13 @@ A = ti.types.ndarray()
 (POINT, POINT_END, TRIANGLE, TRIANGLE_END, EDGE, EDGE_END, BODY, BODY_END, PAIR, FACE_ROOM,
  EDGE_ROOM, POINT_PATCH, FACE_PATCH, EDGE_PATCH, PATCH_END, NODE, COUPLE, CANDIDATE, WIDTH, THREAD,
  COUNT, BUILT, BUILDS, FULL, SWEEPS, ROWS, STANDING, CORES, MOVING, ISLANDS,
- WORK, AWAKE, WASTED, LOOKS, ORDERS) = range(35)  # fmt: skip
+ WORK, AWAKE, WASTED, ORDERS) = range(34)  # fmt: skip
 """Columns of `Touch.order`: where a scene's rows begin and end; candidates found; threads of the
 last search, 0 where it is out of date; searches; whether candidates found no room; sweeps and rows
 so far; first point and first core of obstacles, and whether those move; islands now;
 what the last search had to do, in tests of two boxes, how many pairs were awake after it, −1 where
-not known yet, and what more of them have cost since; looks beyond the first of a substep so far.
-Patches are of points, of triangles, of edges; each thread has WIDTH rows of `candidate`."""
+not known yet, and what more of them have cost since.  Patches are of points, of triangles, of
+edges; each thread has WIDTH rows of `candidate`."""
 LEAST, MOST, THICK, THIN, LONGEST, SHRUNK, TOLERANCE, SUNK, LEFT, RATE, LENGTHS = range(11)
 """Columns of `Touch.length` [m]: least and most margin, largest and least thickness, bodies'
 longest edge, share of the margins that had room (1), residual that ends the sweeps; most of

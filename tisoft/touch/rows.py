@@ -83,12 +83,11 @@ def closing_of(touch: ti.template(), q, z, w):
 
 
 @ti.func
-def aim(touch: ti.template(), corner, distance, eased, h):
-    """Gap [m] between four points, its target, and the share of that whose work is
-    from outside [m/s].
+def aim(touch: ti.template(), corner, gap, eased, h):
+    """Gap [m] between four points with what easing leaves of it, its target, and the share of that
+    whose work is from outside [m/s].
     """
-    thick = thickness(touch, corner[0], corner[3])
-    gap = distance - thick + eased[0]
+    gap += eased[0]
     target = -gap / h
     b, c = touch.body[corner[0]], touch.body[corner[3]]
     if gap < 0.0:
@@ -117,6 +116,18 @@ def least_rate(touch: ti.template(), corner, w, n, drift, look):
             p, along = corner[k], w[k] * n
             least += ti.min(along * touch.under[p], along * touch.over[p]).sum()
     return least
+
+
+@ti.func
+def asks_for_row(touch: ti.template(), corner, w, n, drift, aims, h):
+    """1 or 0, whether four points, as they come out of contact, would sink in by much."""
+    rate = drift.dot(n)
+    for k in ti.static(range(4)):
+        rate += w[k] * outcome(touch, corner[k]).dot(n)
+    may = BLOW * thickness(touch, corner[0], corner[3])
+    if touch.trait[touch.body[corner[0]], f.SOLID] and touch.trait[touch.body[corner[3]], f.SOLID]:
+        may *= FIRM
+    return ti.cast(aims[0] >= 0.0 and h * (aims[1] - rate) > may, ti.i32)
 
 
 @ti.func
@@ -195,24 +206,16 @@ def find_rows(touch: ti.template(), q, t, threads, task, eases, look, h):
                 if ok and eases:
                     ok = is_nearest(touch, z)
                 if ok and task != MEASURE and -behind < h * closing_of(touch, q, z, w):
-                    b, c = touch.body[touch.ends[z, 0]], touch.body[touch.ends[z, 3]]
-                    eased = ease(touch, q, b, c, h)
-                    row = begin + n
                     corner = ti.Vector([touch.ends[z, k] for k in range(4)])
-                    aims = aim(touch, corner, distance, eased, h)
-                    rate = least_rate(touch, corner, w, normal, drift, look)
+                    b, c = touch.body[corner[0]], touch.body[corner[3]]
+                    aims = aim(touch, corner, -behind, ease(touch, q, b, c, h), h)
                     if task == ASK:
-                        rate = drift.dot(normal)
-                        for k in ti.static(range(4)):
-                            rate += w[k] * outcome(touch, corner[k]).dot(normal)
-                        may = BLOW * thickness(touch, corner[0], corner[3])
-                        if touch.trait[b, f.SOLID] and touch.trait[c, f.SOLID]:
-                            may *= FIRM
-                        sinks = h * (aims[1] - rate) > may
-                        n += ti.cast(aims[0] >= 0.0 and sinks, ti.i32)
-                    elif rate < aims[1] or aims[0] < 0.0:
-                        write_row(touch, row, corner, w, normal, aims, drift)
-                        n += 1
+                        n += asks_for_row(touch, corner, w, normal, drift, aims, h)
+                    else:
+                        least = least_rate(touch, corner, w, normal, drift, look)
+                        if least < aims[1] or aims[0] < 0.0:
+                            write_row(touch, begin + n, corner, w, normal, aims, drift)
+                            n += 1
             if task == MEASURE:
                 touch.behind[z] = behind
         if task == WRITE:

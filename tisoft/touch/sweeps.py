@@ -18,7 +18,7 @@ import taichi as ti
 from tisoft.model.threads import meet, share
 from tisoft.touch import fields as f
 from tisoft.touch.islands import find_islands
-from tisoft.touch.ways import BLOW
+from tisoft.touch.ways import BLOW, throw_of
 
 LEAST_SWEEPS, MOST_SWEEPS, LAST_SWEEPS = 4, 16, 128
 """The last only where sheets would sink in by much, as between what is heavy."""
@@ -162,8 +162,7 @@ def carry(touch: ti.template(), row):
 
 @ti.func
 def solve(s: ti.template(), q, rows, first, eases, now):
-    """Sweep an island; returns how often, and the most of what it throws: how fast a point comes
-    out, or by how much that differs from its kick, the less of the two [m/s].
+    """Sweep an island; returns how often, and how fast it throws a point at the most [m/s].
 
     Args:
         rows: of `queue`, first and last.
@@ -207,10 +206,8 @@ def solve(s: ti.template(), q, rows, first, eases, now):
             for z in range(rows[0], rows[1]):
                 carry(touch, touch.queue[z])
     for z in range(first, last):
-        p = touch.candidate[z]
-        v = touch.velocity[p]
-        swing = ti.max(swing, ti.min((v - touch.kicked[p]).norm_sqr(), v.norm_sqr()))
-    return ti.Vector([number, ti.sqrt(swing)])
+        swing = ti.max(swing, throw_of(touch, touch.candidate[z]))
+    return ti.Vector([number, swing])
 
 
 @ti.func

@@ -33,6 +33,15 @@ def outcome(touch: ti.template(), p):
 
 
 @ti.func
+def throw_of(touch: ti.template(), p):
+    """How fast contact throws point p [m/s]: it comes out at that, or that much unlike its kick,
+    whichever is less.
+    """
+    v = outcome(touch, p)
+    return ti.sqrt(ti.min((v - touch.kicked[p]).norm_sqr(), v.norm_sqr()))
+
+
+@ti.func
 def left(s: ti.template(), i, p, h):
     """How far node i may have gone by the end of the next substep, in which it may become twice as
     fast, as a share of what it may.
@@ -77,7 +86,7 @@ def note_point(s: ti.template(), q, p, look, h):
             under, over = s.surfaces.under[p], s.surfaces.over[p]
         s.surfaces.under[p], s.surfaces.over[p] = ti.min(under, swing), ti.max(over, swing)
         thin = ti.cast(s.surfaces.length[q, f.THIN], s.surfaces.real)
-        is_swung = h * ti.min(swing.norm(), v.norm()) > BLOW * thin
+        is_swung = h * throw_of(s.surfaces, p) > BLOW * thin
         s.surfaces.swung[p] = ti.cast(is_swung, ti.i32)
     s.surfaces.sent[p] = fast
     gone = (s.surfaces.place[p] - s.surfaces.listed[p]).norm() + h * fast
