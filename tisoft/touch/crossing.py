@@ -1,4 +1,4 @@
-"""Sheets that have passed through themselves or each other: what has crossed stays so, and is told.
+"""Sheets that have passed through something: what has crossed stays so, and is told.
 
 p + s (q − p) = a + u (b − a) + v (c − a),   s, u, v ≥ 0,  s ≤ 1,  u + v ≤ 1
 """
@@ -24,12 +24,74 @@ def crossings(x: Floats, triangles: Ints) -> Floats:
         x: places of points [m], shape (points, 3).
         triangles: their corners, shape (triangles, 3).
     """
+    sides = _sides(triangles)
+    e, t, found = _hits(x[sides], x[triangles])
+    joined = (sides[e][:, :, None] == triangles[t][:, None]).any(axis=(1, 2))
+    return found[~joined]
+
+
+def crossed(touching: Any, world: Floats) -> list[str]:
+    """A sentence where sheets of a scene have passed through themselves, each other or solids.
+
+    Args:
+        touching: the scene's `Touching`.
+        world: positions of all nodes [m], inside order.
+    """
+    touchers, may = touching.touchers, touching.meetings.may
+    places = [world[each.part.nodes][each.surface.points] for each in touchers]
+    triangles = [each.surface.triangles.astype(np.int64) for each in touchers]
+    named: set[int] = set()
+    every = []
+    for a, sheet in enumerate(touchers):
+        if sheet.surface.is_solid:
+            continue
+        for b, other in enumerate(touchers):
+            if not may[a, b] or (b < a and not other.surface.is_solid):
+                continue
+            if a == b:
+                found = crossings(places[a], triangles[a])
+            else:
+                found = _between(places[a], triangles[a], places[b], triangles[b])
+            if len(found):
+                named |= {a, b}
+                every.append(found)
+    if not every:
+        return []
+    names = " and ".join(f'"{touchers[k].name}"' for k in sorted(named))
+    x, y, z = every[0][0]
+    return [
+        f"{sum(map(len, every))} edges of triangles of {names} pass through others, one at "
+        f"({x:.3g}, {y:.3g}, {z:.3g}) m: a sheet crumpled to the size of an edge, squeezed hard or "
+        "started so stays crossed; smaller triangles fold more finely, a smaller step meets earlier"
+    ]
+
+
+def _sides(triangles: Ints) -> Ints:
+    """Edges of triangles, each once, shape (edges, 2)."""
+    every = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    sides: Ints = np.unique(every, axis=0)
+    return sides
+
+
+def _between(x: Floats, of_x: Ints, y: Floats, of_y: Ints) -> Floats:
+    """Where edges of one body pass through triangles of another one [m], shape (n, 3)."""
+    found = np.zeros((0, 3))
+    for p, rows, q, others in ((x, of_x, y, of_y), (y, of_y, x, of_x)):
+        ends, corners = p[_sides(rows)], q[others]
+        low, high = np.maximum(x.min(axis=0), y.min(axis=0)), np.minimum(x.max(0), y.max(0))
+        ends, corners = (
+            each[((each.min(axis=1) <= high) & (each.max(axis=1) >= low)).all(axis=1)]
+            for each in (ends, corners)
+        )
+        if len(ends) and len(corners):
+            found = np.concatenate([found, _hits(ends, corners)[2]])
+    return found
+
+
+def _hits(ends: Floats, corners: Floats) -> tuple[Ints, Ints, Floats]:
+    """Which lines (lines, 2, 3) pass through which triangles (triangles, 3, 3), and where [m]."""
     from scipy.spatial import cKDTree
 
-    sides = np.unique(
-        np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0
-    )
-    ends, corners = x[sides], x[triangles]
     middles, centers = ends.mean(axis=1), corners.mean(axis=1)
     half = 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     around = np.linalg.norm(corners - centers[:, None], axis=2).max(axis=1)
@@ -37,7 +99,6 @@ def crossings(x: Floats, triangles: Ints) -> Floats:
     near = cKDTree(middles).sparse_distance_matrix(cKDTree(centers), far, output_type="ndarray")
     e, t = near["i"], near["j"]
     keep = near["v"] <= half[e] + around[t]
-    keep &= ~(sides[e][:, :, None] == triangles[t][:, None]).any(axis=(1, 2))
     e, t = e[keep], t[keep]
     p, q = ends[e].transpose(1, 0, 2)
     a, b, c = corners[t].transpose(1, 0, 2)
@@ -51,32 +112,4 @@ def crossings(x: Floats, triangles: Ints) -> Floats:
     u = np.einsum("ei,ei->e", c - a, turn) / volume
     v = -np.einsum("ei,ei->e", b - a, turn) / volume
     hit = (s >= 0.0) & (s <= 1.0) & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)
-    found: Floats = p[hit] + s[hit, None] * way[hit]
-    return found
-
-
-def crossed(touching: Any, world: Floats) -> list[str]:
-    """A sentence where sheets of a scene have crossed.
-
-    Args:
-        touching: the scene's `Touching`.
-        world: positions of all nodes [m], inside order.
-    """
-    sheets = [t for t in touching.touchers if not t.surface.is_solid and t.meets_others]
-    if not sheets:
-        return []
-    places, rows, begun = [], [], 0
-    for sheet in sheets:
-        places.append(world[sheet.part.nodes][sheet.surface.points])
-        rows.append(sheet.surface.triangles.astype(np.int64) + begun)
-        begun += len(places[-1])
-    found = crossings(np.concatenate(places), np.concatenate(rows))
-    if not len(found):
-        return []
-    names = " and ".join(f'"{sheet.name}"' for sheet in sheets)
-    x, y, z = found[0]
-    return [
-        f"{len(found)} edges of the triangles of sheets ({names}) pass through others, one at "
-        f"({x:.3g}, {y:.3g}, {z:.3g}) m: crumpled to the size of an edge, squeezed hard or started "
-        "so, they stay crossed; smaller triangles fold more finely, a smaller step meets earlier"
-    ]
+    return e[hit], t[hit], p[hit] + s[hit, None] * way[hit]
