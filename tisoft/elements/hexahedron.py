@@ -287,6 +287,7 @@ class Hexahedron:
     """What a cell is called in sentences."""
     points = 1
     rows = 24
+    stresses = 0
     known = 8
     """Columns of `Block.modes`: ω², damping rate, 8γ/ρ, weight; 8/ρ V times λ_A √(γκ) and λ_A γ,
     elastic and viscous."""

@@ -298,6 +298,7 @@ class Quadratic:
     points = 4
     rows = 66
     """Rows of `out`: forces of the nodes, and what is kept of four points."""
+    stresses = 0
     known = 6
     """Columns of `Block.modes`: ω², damping rate, what growth adds, weight; ω_Σ² and its rate."""
     constants = 0

@@ -32,6 +32,7 @@ class Spring:
     corners = 2
     points = 1
     rows = 6
+    stresses = 0
     known = 4
     constants = 0
     numbers = 7

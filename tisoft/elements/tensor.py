@@ -37,6 +37,7 @@ class Tensor:
     corners = 2
     points = 1
     rows = 6
+    stresses = 0
     known = 4
     constants = 0
     numbers = 18

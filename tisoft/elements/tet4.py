@@ -37,6 +37,9 @@ class Tet4:
     """Points at which its strain is taken."""
     rows = 12
     """Rows that `out` of `forces` has for each share."""
+    stresses = 9
+    """Numbers of its viscous stress, which is constant in it, for the ledger; 0 of elements whose
+    viscous share of the corner forces it takes."""
     numbers = 10
     known = 4
     """Columns of `Block.modes`."""
@@ -90,14 +93,29 @@ class Tet4:
         law: ti.template(), rest: ti.template(), u: ti.template(), v: ti.template(), m, q, lane,
         out: ti.template(),
     ):  # fmt: skip
-        """Corner forces [N]; rows 12..23 of `out`, where it has them, get the viscous share."""
+        """Corner forces [N].  Of `out`, where it has as many, rows 12..23 get the viscous share;
+        or of 30 rows 12..20 −V P_v [N·m].
+        """
         H, D = Tet4.gradient(rest, u, q, lane), Tet4.gradient(rest, v, q, lane)
         k = ti.static(m.n - 2)
         Pv = law.viscosity.stress(H, D, m[k], m[k + 1])
         P = law.stress(H, m) + Pv
-        if ti.static(out.n > 12):
+        if ti.static(out.n == 30):
+            for r in range(3):
+                for d in range(3):
+                    out[12 + 3 * r + d, lane] = -rest[9, lane] * Pv[r, d]
+        if ti.static(out.n == 24):
             Tet4.spread(rest, -rest[9, lane] * Pv, 12, lane, out)
         Tet4.spread(rest, -rest[9, lane] * P, 0, lane, out)
+
+    @staticmethod
+    @ti.func
+    def rate(rest: ti.template(), v: ti.template(), lane, out: ti.template()):
+        """Ḣ [1/s] into rows 21..29 of `out`: f_v·v of the corners is −V P_v : Ḣ."""
+        D = Tet4.gradient(rest, v, 0, lane)
+        for r in range(3):
+            for d in range(3):
+                out[21 + 3 * r + d, lane] = D[r, d]
 
     @staticmethod
     @ti.func

@@ -17,6 +17,11 @@ from tisoft.model.placing import placer
 A = ti.types.ndarray()
 
 
+def flux_of(element: Any) -> int:
+    """How many numbers say what viscosity does in an element: its stress, or forces on corners."""
+    return int(element.stresses or 3 * element.corners)
+
+
 @ti.data_oriented
 class Block:
     """Fields of cells; a scene has a range of the rows of each kind.
@@ -38,6 +43,10 @@ class Block:
         self.points, self.known = self.element.points, self.element.known
         corners, numbers, lanes = self.element.corners, self.element.numbers, self.lanes
         self.corners = corners
+        self.flux = flux_of(self.element)
+        self.behind = 2 * self.element.stresses or self.element.rows
+        """Rows of local forces behind those: the viscous share, or stresses and rates."""
+        self.wide = ti.f64 if runtime.has_f64() else ti.f32
         builder, field = placer(rows)
 
         self.cells = field(ti.i32, "batches", corners, lanes)
@@ -61,8 +70,16 @@ class Block:
         """First node of its body."""
         self.part_start = field(ti.i32, "parts")
         """First batch of each part (and one row more a scene, where the last ends)."""
-        self.energy = field(ti.f64 if runtime.has_f64() else ti.f32, "parts")
+        self.energy = field(self.wide, "parts")
         """Elastic energy of each part [J]."""
+        # Where a ledger is kept:
+        self.braked = field(ti.types.vector(lanes, self.real), "batches", self.flux)
+        """What viscosity did in the last pass: its stresses or forces, for the seconds that they
+        acted [N·m·s or N·s]."""
+        self.heat = field(self.wide, "batches")
+        """What it has taken since the stretch began, but for half of the last pass [J]."""
+        self.lost = field(self.wide, "parts")
+        """All that it took in the stretch [J]."""
         self.tree = builder.finalize()
 
     @staticmethod
@@ -70,7 +87,8 @@ class Block:
         """Memory that the fields take [bytes]."""
         element, _, precision, lanes = structure
         real = 8 if precision == "f64" else 4
-        cell = element.corners * 8 + (element.numbers + element.known + 1) * real
+        numbers = element.numbers + element.known + flux_of(element) + 1
+        cell = element.corners * 8 + numbers * real
         return rows["batches"] * lanes * cell
 
     def destroy(self) -> None:

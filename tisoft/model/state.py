@@ -121,6 +121,9 @@ class State:
         """Force of pressures [N]."""
         self.pull = field(vec3, "nodes")
         """a of this substep [m/s²], where carried surfaces meet obstacles and a ledger is kept."""
+        self.shove = field(vec3, "nodes")
+        """Push onto an obstacle's surface in the last pass, by the seconds that forces acted [m/s],
+        where a ledger is kept."""
         self.drawn = field(vec3, "nodes")
         """Force of hands [N]; 0 where none holds it."""
         self.pressure_start = field(ti.i32, "nodes")
@@ -138,8 +141,6 @@ class State:
         """Force of the part's elements on the node [N], and a 0: LLVM adds four at a time.  All 0
         between substeps.
         """
-        self.viscous_force = field(ti.types.vector(4, real), "copies")
-        """The viscous share of it [N], where a ledger is kept."""
 
         # A row for each corner of a loaded face:
         self.pressure_ends = field(ti.types.vector(2, ti.i32), "pressures")
@@ -191,22 +192,22 @@ class State:
         self.tree = builder.finalize()
         self.vector, self.wide = vec3, wide
         self.Now = ti.types.struct(
-            h=real, kick=real, gravity=vec3, loaded=ti.i32, opens=ti.i32, closes=ti.i32
-        )
+            h=real, kick=real, gravity=vec3, loaded=ti.i32, counts=ti.i32, opens=ti.i32,
+            closes=ti.i32,
+        )  # fmt: skip
         """Of a pass: step [s], seconds through which symplectic Euler's force acts, gravity [m/s²],
-        whether loads act, whether velocity Verlet opens or closes a substep."""
-        self.Moved = ti.types.struct(
-            kick=real, before=vec3, after=vec3, jump=vec3, way=vec3, push=vec3
-        )
-        """How a node moved: seconds of the kick, velocity before and after it, the jump of the
-        velocity in contact [m/s], displacement, and push onto a surface [m]."""
+        whether loads act, whether bodies move and a ledger counts, whether velocity Verlet opens or
+        closes a substep."""
+        self.Moved = ti.types.struct(before=vec3, after=vec3, jump=vec3, way=vec3, push=vec3)
+        """How a node moved: velocity before and after its kick, the jump of the velocity in contact
+        [m/s], displacement, and push onto a surface [m]."""
 
     @staticmethod
     def bytes_of(structure: str, rows: dict[str, int]) -> int:
         """Memory that the fields take [bytes]."""
         real = 8 if structure == "f64" else 4
-        nodes = rows["nodes"] * (29 * real + 5 * 4 + 32)
-        copies = rows["copies"] * 8 * real
+        nodes = rows["nodes"] * (32 * real + 5 * 4 + 32)
+        copies = rows["copies"] * 4 * real
         return nodes + copies + rows["pressures"] * (8 + PRESSURE_NUMBERS * real)
 
     def destroy(self) -> None:
@@ -246,7 +247,6 @@ class State:
         for k in range(first, last):
             for d in ti.static(range(4)):
                 self.force[k][d] = 0.0
-                self.viscous_force[k][d] = 0.0
 
     @ti.kernel
     def write_masses(self, first: int, inverse_mass: A):
@@ -412,7 +412,6 @@ class State:
                 for d in range(3):
                     out[k, d] += self.force[q][d]
                     self.force[q][d] = 0.0
-                    self.viscous_force[q][d] = 0.0
 
     @ti.kernel
     def read_record(self, first: int, out: A):

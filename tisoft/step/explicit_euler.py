@@ -27,6 +27,12 @@ class ExplicitEuler:
 
     @staticmethod
     @ti.func
+    def kick(now):
+        """Seconds for which the forces of a pass act."""
+        return now.h
+
+    @staticmethod
+    @ti.func
     def move(state: ti.template(), contact: ti.template(), i, a, now, met):
         """Move node i with acceleration a [m/s²] through a substep; returns a `State.Moved`.
 
@@ -43,4 +49,4 @@ class ExplicitEuler:
         way = now.h * ahead + push
         state.velocity[i] = after
         state.displacement[i] = state.displacement[i] + way
-        return state.Moved(kick=now.h, before=before, after=after, jump=0.0 * a, way=way, push=push)
+        return state.Moved(before=before, after=after, jump=0.0 * a, way=way, push=push)

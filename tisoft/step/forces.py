@@ -10,6 +10,8 @@ unrolls it all the same.
 
 import taichi as ti
 
+from tisoft.step import heat
+
 
 @ti.func
 def gather(block: ti.template(), field: ti.template(), b, columns: ti.template()):
@@ -48,18 +50,6 @@ def scatter(
 
 
 @ti.func
-def scatter_both(block: ti.template(), state: ti.template(), b, columns: ti.template()):
-    """The same of forces and, from row 3 corners on, of their viscous shares: one walk for both."""
-    size = ti.static(3 * block.corners)
-    for lane in range(block.lanes):
-        for c in range(block.corners):
-            k = block.places[b, c, lane]
-            f, g = row_of(block, columns, 3 * c, lane), row_of(block, columns, size + 3 * c, lane)
-            state.force[k] = state.force[k] + f
-            state.viscous_force[k] = state.viscous_force[k] + g
-
-
-@ti.func
 def load_rest(block: ti.template(), b, rest: ti.template()):
     """The batch's rest numbers, copied before the loop over lanes.  Reads block.rest."""
     for k in range(block.element.numbers):
@@ -75,32 +65,42 @@ def material(block: ti.template(), b):
 
 
 @ti.func
-def batch(block: ti.template(), state: ti.template(), apart: ti.template(), b):
-    """Add the forces of batch b to the copies of its nodes; `apart`, the viscous share too.
+def batch(s: ti.template(), block: ti.template(), b, now):
+    """Add the forces of batch b to the copies of its nodes, and note what viscosity takes.
 
-    Reads block.*, state.displacement, state.velocity; adds to state.force, state.viscous_force.
+    Reads block.*, displacement, velocity, half; adds to force; with a ledger, see `heat.note`.
     """
     lanes, size = ti.static(block.lanes, 3 * block.corners)
     rest = ti.Matrix.zero(block.real, block.element.numbers, lanes)
     u = ti.Matrix.zero(block.real, size, lanes)
     load_rest(block, b, rest)
-    gather(block, state.displacement, b, u)
+    gather(block, s.state.displacement, b, u)
     m = material(block, b)
     v = ti.Matrix.zero(block.real, size, lanes)
-    if block.is_viscous[block.owner[b]]:
-        gather(block, state.velocity, b, v)
-    out = ti.Matrix.zero(block.real, (1 + apart) * block.element.rows, lanes)
+    is_viscous = block.is_viscous[block.owner[b]]
+    if is_viscous:
+        gather(block, s.state.velocity, b, v)
+    out = ti.Matrix.zero(block.real, block.element.rows + s.ledger * block.behind, lanes)
     for q in range(block.points):
         for lane in range(lanes):
             block.element.forces(block.law, rest, u, v, m, q, lane, out)
+            if ti.static(s.ledger and block.element.stresses > 0):
+                block.element.rate(rest, v, lane, out)
     finish(block, rest, out)
-    if ti.static(apart):
-        if block.is_viscous[block.owner[b]]:
-            scatter_both(block, state, b, out)
-        else:
-            scatter(block, state.force, b, out, 0)
-    else:
-        scatter(block, state.force, b, out, 0)
+    scatter(block, s.state.force, b, out, 0)
+    if ti.static(s.ledger):
+        if is_viscous and now.counts:
+            if ti.static(s.integrator.closing_passes > 0):
+                if now.closes:  # the last kick ended with these
+                    gather(block, s.state.half, b, v)
+                    if ti.static(block.element.stresses > 0):
+                        for lane in range(lanes):
+                            block.element.rate(rest, v, lane, out)
+            if ti.static(s.contact):
+                w = ti.Matrix.zero(block.real, size, lanes)
+                gather(block, s.state.shove, b, w)
+                block.heat[b] = block.heat[b] - heat.owed(block, b, rest, w)
+            heat.note(block, b, v, out, s.integrator.kick(now))
 
 
 @ti.func
@@ -117,23 +117,11 @@ def total(state: ti.template(), i):
 
     Reads state.copy_start; takes from state.force.
     """
-    return taken(state, state.force, i)
-
-
-@ti.func
-def viscous_total(state: ti.template(), i):
-    """The viscous share of it [N]; takes from state.viscous_force."""
-    return taken(state, state.viscous_force, i)
-
-
-@ti.func
-def taken(state: ti.template(), copies: ti.template(), i):
-    """Sum of node i's copies, which are 0 afterwards."""
     f = ti.Vector.zero(state.real, 3)  # not 0 times a force: of a body that explodes, nan
     for k in range(state.copy_start[i], state.copy_start[i + 1]):
         for d in ti.static(range(3)):
-            f[d] += copies[k][d]
-        copies[k] = ti.Vector.zero(state.real, 4)
+            f[d] += state.force[k][d]
+        state.force[k] = ti.Vector.zero(state.real, 4)
     return f
 
 
@@ -159,3 +147,22 @@ def batch_energy(block: ti.template(), state: ti.template(), b):
     for lane in range(block.lanes):
         total += each[lane]
     return total
+
+
+@ti.func
+def batch_heat(s: ti.template(), block: ti.template(), b):
+    """What viscosity has taken in batch b since the stretch began [J].
+
+    Reads block.*, velocity, shove.
+    """
+    taken = block.heat[b]
+    if block.is_viscous[block.owner[b]]:
+        rest = ti.Matrix.zero(block.real, block.element.numbers, block.lanes)
+        v = ti.Matrix.zero(block.real, 3 * block.corners, block.lanes)
+        load_rest(block, b, rest)
+        gather(block, s.state.velocity, b, v)
+        taken -= 0.5 * heat.owed(block, b, rest, v)
+        if ti.static(s.contact):
+            gather(block, s.state.shove, b, v)
+            taken -= heat.owed(block, b, rest, v)
+    return taken

@@ -23,7 +23,7 @@ from tisoft.model.state import (
     TASK,
     TRIPPED,
 )
-from tisoft.step import consistent_mass, driving, external, forces, record, touch
+from tisoft.step import consistent_mass, driving, external, forces, heat, record, touch
 from tisoft.step.substep import begin_solve, move_solved, node, now_of
 
 
@@ -35,6 +35,12 @@ def make_advance(s: Any) -> Any:
     def save(scene: int):
         for i in range(s.state.ranges[scene, 0], s.state.ranges[scene, 1]):
             record.save(s.state, i)
+        if ti.static(s.ledger):
+            for k in ti.static(range(len(s.blocks))):
+                first = s.blocks[k].part_start[s.state.ranges[scene, 2 + 2 * k]]
+                last = s.blocks[k].part_start[s.state.ranges[scene, 3 + 2 * k]]
+                for b in range(first, last):
+                    heat.begin(s.blocks[k], b)
 
     @runtime.timed
     @ti.kernel
@@ -64,7 +70,7 @@ def make_advance(s: Any) -> Any:
                 begin = s.blocks[k].part_start[s.state.ranges[scene, 2 + 2 * k]]
                 end = s.blocks[k].part_start[s.state.ranges[scene, 3 + 2 * k]]
                 for b in range(begin, end):
-                    forces.batch(s.blocks[k], s.state, s.ledger, b)
+                    forces.batch(s, s.blocks[k], b, now_of(s, scene, number, passes))
             if ti.static(loaded):
                 for i in range(first, last):
                     external.press(s.state, i)
@@ -119,7 +125,7 @@ def make_advance(s: Any) -> Any:
             begin, end = s.state.ranges[scene, 2 + 2 * k], s.state.ranges[scene, 3 + 2 * k]
             for part in range(begin, end):
                 if record.tells_energy(s, scene):
-                    s.blocks[k].energy[part] = record.part_energy(s.blocks[k], s.state, part)
+                    record.weigh_part(s, s.blocks[k], part)
 
     @runtime.timed
     @ti.kernel

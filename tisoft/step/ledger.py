@@ -21,33 +21,42 @@ from tisoft.step import external
 
 
 @ti.func
-def note(s: ti.template(), i, elements, viscous, moved, old, now):
-    """Add node i's dissipated energy and external work [J] of a pass to state.work.
+def note(s: ti.template(), i, elements, moved, old, now):
+    """Add node i's dissipated energy and external work [J] of a pass to state.work, but for what
+    viscosity takes (`heat`).
 
-    Args: elements, viscous: force of the elements and its viscous share [N]; moved: what the
-    integrator returned; old: velocity before the pass [m/s].
+    Args: elements: their force [N]; moved: what the integrator returned; old: velocity before the
+    pass [m/s].
     """
-    state = s.state
+    acts = s.state.drag[s.state.body[i]] != 0.0 or now.loaded or s.state.fixed[i] != 0
+    if ti.static(s.contact):
+        acts = True
+    if acts:
+        note_acting(s, i, elements, moved, old, now)
+
+
+@ti.func
+def note_acting(s: ti.template(), i, elements, moved, old, now):
+    """The same where something acts on node i."""
+    state, kick = s.state, s.integrator.kick(now)
     mass = 1.0 / state.inverse_mass[i]
     load = external.force(state, i, now)
-    kept = elements - viscous + mass * now.gravity
-    lost = viscous - state.drag[state.body[i]] * mass * old
+    drag = -state.drag[state.body[i]] * mass * old
     mean = 0.5 * (moved.before + moved.after)
-    taken = -moved.kick * lost.dot(mean)
-    given = load.dot(moved.way)
+    taken, given = -kick * drag.dot(mean), load.dot(moved.way)
     if now.loaded:  # a hand's force changes as the node moves: what it gives is its kick's work
-        given += state.drawn[i].dot(moved.kick * mean - moved.way)
+        given += state.drawn[i].dot(kick * mean - moved.way)
+    kept = elements + mass * now.gravity + load
     bits = state.fixed[i]
     if bits:
         for c in ti.static(range(3)):
             if bits & (1 << c):
                 impulse = mass * (moved.after[c] - moved.before[c])
-                impulse -= moved.kick * (kept[c] + lost[c] + load[c])
-                given += impulse * mean[c]
+                given += (impulse - kick * (kept[c] + drag[c])) * mean[c]
     if ti.static(s.contact):
         for c in ti.static(range(3)):
             if not bits & (1 << c):
-                given -= (kept[c] + load[c]) * moved.push[c]
+                given -= kept[c] * moved.push[c]
                 taken -= mass * moved.jump[c] * mean[c]
         if bits != 7:
             given += mass * state.carried[i]

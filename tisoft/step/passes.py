@@ -26,7 +26,7 @@ from tisoft.model.state import (
     TRIPPED,
 )
 from tisoft.model.threads import SLICE, meet, share
-from tisoft.step import consistent_mass, driving, external, forces, means, record, touch
+from tisoft.step import consistent_mass, driving, external, forces, heat, means, record, touch
 from tisoft.step.meeting import touch_nodes
 from tisoft.step.substep import begin_solve, move_solved, node, now_of
 from tisoft.touch.fields import BUILT
@@ -93,13 +93,18 @@ def walk(s: ti.template(), scene, t, threads):
         if task == MOVE and number % passes == 0:
             for i in range(first, last):
                 record.save(s.state, i)
+            if ti.static(s.ledger):
+                for k in ti.static(range(len(s.blocks))):
+                    begin, stop = batches(s, k, scene, t, threads)
+                    for b in range(begin, stop):
+                        heat.begin(s.blocks[k], b)
         if ti.static(s.driven):
             if task == MOVE:
                 phase = drive(s, scene, t, threads, phase, number)
         for k in ti.static(range(len(s.blocks))):
             begin, stop = batches(s, k, scene, t, threads)
             for b in range(begin, stop):
-                forces.batch(s.blocks[k], s.state, s.ledger, b)
+                forces.batch(s, s.blocks[k], b, now)
         if now.loaded:
             for i in range(first, last):
                 external.press(s.state, i)

@@ -86,8 +86,6 @@ def sum_chunk(s: ti.template(), scene, chunk):
             add(s, row, TOUCHED + 1, s.state.touched[i][1])
         if s.state.orders[scene, TASK] == SUM:
             f = forces.total(s.state, i)
-            if ti.static(s.ledger):
-                forces.viscous_total(s.state, i)
             for d in ti.static(range(3)):
                 add(s, row, POWER, v[d] * (f[d] + mass * gravity[d]))
 
@@ -109,6 +107,17 @@ def part_energy(block: ti.template(), state: ti.template(), part):
 
 
 @ti.func
+def weigh_part(s: ti.template(), block: ti.template(), part):
+    """Write a part's elastic energy, and what viscosity has taken in it [J]."""
+    block.energy[part] = part_energy(block, s.state, part)
+    if ti.static(s.ledger):
+        lost = ti.cast(0.0, s.state.wide)
+        for b in range(block.part_start[part], block.part_start[part + 1]):
+            lost += forces.batch_heat(s, block, b)
+        block.lost[part] = lost
+
+
+@ti.func
 def sum_up(s: ti.template(), scene, t, threads):
     """Thread t's share of all sums."""
     low, high = s.state.ranges[scene, 0], s.state.ranges[scene, 1]
@@ -120,7 +129,7 @@ def sum_up(s: ti.template(), scene, t, threads):
             begin, end = s.state.ranges[scene, 2 + 2 * k], s.state.ranges[scene, 3 + 2 * k]
             size = end - begin
             for part in range(begin + size * t // threads, begin + size * (t + 1) // threads):
-                s.blocks[k].energy[part] = part_energy(s.blocks[k], s.state, part)
+                weigh_part(s, s.blocks[k], part)
 
 
 @ti.func
@@ -144,6 +153,12 @@ def write(s: ti.template(), scene, number):
             for part in range(s.state.ranges[scene, 2 + 2 * k], s.state.ranges[scene, 3 + 2 * k]):
                 total += s.blocks[k].energy[part]
         s.state.record[row, 4] = total
+    if ti.static(s.ledger):
+        total = s.state.record[row, 5]
+        for k in ti.static(range(len(s.blocks))):
+            for part in range(s.state.ranges[scene, 2 + 2 * k], s.state.ranges[scene, 3 + 2 * k]):
+                total += s.blocks[k].lost[part]
+        s.state.record[row, 5] = total
     for k in range(probes):
         i = s.state.probe[s.state.orders[scene, PROBE] + k]
         for d in ti.static(range(3)):

@@ -21,7 +21,7 @@ from typing import Any
 
 import taichi as ti
 
-from tisoft.model.state import GRAVITY, KICK, LOADED, STEP
+from tisoft.model.state import GRAVITY, KICK, LOADED, MOVE, STEP, TASK
 from tisoft.step import consistent_mass, external, forces, ledger
 
 
@@ -90,7 +90,9 @@ def move(s: ti.template(), i, a, f, now, pushed, rubbed):
     if ti.static(s.ledger and (s.touches or s.holds_means)):
         s.state.pull[i] = a
     if ti.static(s.ledger):
-        ledger.note(s, i, f, forces.viscous_total(s.state, i), moved, old, now)
+        ledger.note(s, i, f, moved, old, now)
+        if ti.static(s.contact):
+            s.state.shove[i] = moved.push / s.integrator.kick(now)
         if ti.static(s.meets):
             ledger.note_touch(s.state, i, moved, pushed, rubbed)
 
@@ -126,6 +128,7 @@ def now_of(s: ti.template(), scene, number, passes):
         kick=kick,
         gravity=gravity,
         loaded=s.state.orders[scene, LOADED],
+        counts=s.state.orders[scene, TASK] == MOVE,
         opens=number < passes - s.integrator.closing_passes,
         closes=number > 0,
     )

@@ -34,6 +34,12 @@ class SymplecticEuler:
 
     @staticmethod
     @ti.func
+    def kick(now):
+        """Seconds for which the forces of a pass act."""
+        return now.kick
+
+    @staticmethod
+    @ti.func
     def move(state: ti.template(), contact: ti.template(), i, a, now, met):
         """Move node i with acceleration a [m/s²] through a substep; returns a `State.Moved`.
 
@@ -52,4 +58,4 @@ class SymplecticEuler:
         way = now.h * after + push
         state.velocity[i] = after
         state.displacement[i] = state.displacement[i] + way
-        return state.Moved(kick=now.kick, before=before, after=after, jump=jump, way=way, push=push)
+        return state.Moved(before=before, after=after, jump=jump, way=way, push=push)

@@ -36,6 +36,12 @@ class VelocityVerlet:
 
     @staticmethod
     @ti.func
+    def kick(now):
+        """Seconds for which the forces of a pass act."""
+        return 0.5 * now.h * (now.opens + now.closes)
+
+    @staticmethod
+    @ti.func
     def move(state: ti.template(), contact: ti.template(), i, a, now, met):
         """Move node i with acceleration a [m/s²] through a pass; returns a `State.Moved`.
 
@@ -46,14 +52,11 @@ class VelocityVerlet:
         h = now.h
         before = state.velocity[i]
         new = before
-        kick, way = 0.0 * h, 0.0 * a
+        way = 0.0 * a
         if now.closes:
             before = state.half[i]
             new = before + 0.5 * h * a
-            kick += 0.5 * h
             way += 0.5 * h * before
-        if now.opens:
-            kick += 0.5 * h
         ahead = new + 0.5 * h * a + met  # the velocity that moves the node
         if not now.opens:
             new += met
@@ -78,4 +81,4 @@ class VelocityVerlet:
             state.displacement[i] = state.displacement[i] + (h * ahead + push)
             new = held(state, i, ahead + 0.5 * h * a)
         state.velocity[i] = new
-        return state.Moved(kick=kick, before=before, after=after, jump=jump, way=way, push=push)
+        return state.Moved(before=before, after=after, jump=jump, way=way, push=push)
