@@ -202,12 +202,57 @@ def edge_gap(touch: ti.template(), z):
 
 
 @ti.func
+def rod_gap(touch: ti.template(), z):
+    """The same of the line of a core and an edge of a triangle.  A triangle meets a line by its
+    nearest point; its other edges come as near as they like meanwhile, and are looked at by
+    themselves.
+    """
+    p, i, k = touch.ends[z, 0], touch.item[z, 0], -2 - touch.item[z, 1]
+    body, other = touch.body[touch.ends[z, 1]], touch.body[p]
+    a, b = seen_from(touch, p, body), seen_from(touch, p + 1, body)
+    c = touch.place[touch.triangle[i, (k + 1) % 3]]
+    d = touch.place[touch.triangle[i, (k + 2) % 3]]
+    s, t = between_lines(b - a, d - c, a - c)
+    ok = ti.i32(s >= 0.0 and s <= 1.0 and t >= 0.0 and t <= 1.0)
+    n, drift, distance = 0.0 * a, 0.0 * a, 0.0 * s
+    w = ti.Vector([1.0 + distance, distance, distance, distance])
+    sign = 0
+    if ok:
+        for h in ti.static(range(3)):
+            if h == (k + 1) % 3:
+                w[1 + h] = t - 1.0
+            if h == (k + 2) % 3:
+                w[1 + h] = -t
+        x = a + s * (b - a)
+        n = (b - a).cross(d - c).normalized()
+        side = (x - c - t * (d - c)).dot(n)
+        thick = thickness(touch, p, touch.ends[z, 1])
+        sign = touch.side[z]
+        if touch.trait[body, f.SOLID]:
+            far = touch.place[touch.triangle[i, k]]
+            out = (d - c).cross(far - c).normalized()
+            if touch.across[i, k] >= 0:
+                far = touch.place[touch.across[i, k]]
+                out -= (d - c).cross(far - c).normalized()
+            sign = 1 if n.dot(out) >= 0.0 else -1
+            ok = ti.i32(side * sign > -thick)
+        elif sign == 0 or ti.abs(side) > SEEN * thick:
+            sign = 1 if side >= 0.0 else -1
+        n, distance = n * sign, side * sign
+        drift = touch.spin[other].cross(x - n * touch.number[other, f.HALF] - a)
+    touch.side[z] = sign
+    return drift, w, n, distance, ok
+
+
+@ti.func
 def gap_of(touch: ti.template(), z, kind):
     """Drift [m/s], weights, direction and distance [m] of a pair; whether they count."""
     drift = 0.0 * touch.place[0]
     normal, distance, ok = drift, drift[0], 0
     w = ti.Vector([distance, distance, distance, distance])
-    if kind == 0:
+    if kind == 0 and touch.item[z, 1] < -1:
+        drift, w, normal, distance, ok = rod_gap(touch, z)
+    elif kind == 0:
         drift, w, normal, distance, ok = face_gap(touch, z)
     else:
         w, normal, distance, ok = edge_gap(touch, z)

@@ -49,7 +49,8 @@ def insert(touch: ti.template(), n, begun, ends, item, d):
 @ti.func
 def is_later(touch: ti.template(), z, ends, item):
     """Whether the pair in row z, of the same triangle or first edge, comes after another one."""
-    return touch.item[z, 1] > item[1] or (item[1] < 0 and touch.ends[z, 0] > ends[0])
+    same = touch.item[z, 1] == item[1]
+    return touch.item[z, 1] > item[1] or (same and touch.ends[z, 0] > ends[0])
 
 
 @ti.func
@@ -94,7 +95,9 @@ def pair_faces(touch: ti.template(), q, i, rows, n, stop):
 
 @ti.func
 def pair_cores(touch: ti.template(), q, i, n, stop):
-    """List triangle i's pairs with cores of obstacles from row n on; returns the next row."""
+    """List triangle i's pairs with cores of obstacles from row n on, and those of its own edges
+    with lines, −2 − k of the edge opposite corner k; returns the next row.
+    """
     begun = n
     ids = ti.Vector([touch.triangle[i, 0], touch.triangle[i, 1], touch.triangle[i, 2]])
     a, b, c = touch.seen[ids[0]], touch.seen[ids[1]], touch.seen[ids[2]]
@@ -114,6 +117,10 @@ def pair_cores(touch: ti.template(), q, i, n, stop):
             if d < reach:
                 ends = ti.Vector([p, ids[0], ids[1], ids[2]])
                 n = keep(touch, q, n, begun, stop, ends, ti.Vector([i, -1]), d)
+                if touch.trait[core, f.LAST] > p + 1:
+                    for k in range(3):
+                        if touch.owned[i] & (1 << k):
+                            n = keep(touch, q, n, begun, stop, ends, ti.Vector([i, -2 - k]), d)
     return n
 
 
