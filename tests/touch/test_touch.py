@@ -430,6 +430,25 @@ def test_on_a_slope_it_sticks_and_slides_as_coulomb_says():
         assert won / 0.2 == pytest.approx(9.81 * (np.sin(a) - 0.5 * np.cos(a)), rel=0.03)
 
 
+def test_friction_of_an_obstacle_has_its_column_as_that_of_bodies_has():
+    """A block that slides on a belt until it moves with it heats it by m v²/2 of their v, and one
+    that it takes along by theirs; what is not there, shearing blocks have taken.
+    """
+    scene = ts.Scene(frame_rate=100.0)
+    scene.add_obstacle(ts.Plane(friction=0.5, velocity=(0.4, 0, 0)))
+    mesh = ts.box(size=(0.2, 0.1, 0.2), cells=(4, 2, 4))
+    model = ts.ViscoElastic(young=2e5, poisson=0.3, density=1000.0, phi=60.0, eta=60.0)
+    scene.add_body(mesh, model, velocity=(1.4, 0, 0))
+    scene.add_body(mesh.transformed(translate=(0, 0, 2)), model)
+    sim = simulation(scene, threads=1)
+    sim.run(0.5)
+    told, heat = sim.energy(), 0.5 * 4.0 * (1.0**2 + 0.4**2)
+    assert told["dissipated"] == pytest.approx(heat, rel=5e-3)
+    assert 0.93 * heat < told["friction"] < 0.96 * heat
+    assert 0.0 < told["contact"] < 0.01 * heat
+    assert abs(told["error"]) < 1e-4 * heat
+
+
 POST = ts.Box(center=(0, 0.25, 0), size=(0.06, 0.5, 0.06), friction=0.5)
 SMALLER_THAN_A_FACE = {
     "post": POST,

@@ -99,8 +99,11 @@ class State:
         """u [m]."""
         self.velocity = field(vec3, "nodes")
         """v [m/s]."""
-        self.carried = field(real, "nodes")
-        """Impulse of contact per mass in the last pass · velocity of what it met [m²/s²]."""
+        self.carried = field(ti.types.vector(2, real), "nodes")
+        """Impulse of an obstacle per mass in the last pass · velocity of its surface [m²/s²]; the
+        same of its friction alone."""
+        self.rubbed = field(vec3, "nodes")
+        """What its friction did to the velocity [m/s]."""
         self.half = field(vec3, "nodes")
         """v(t + h/2) [m/s] of velocity Verlet."""
         self.saved_displacement = field(vec3, "nodes")
@@ -206,7 +209,7 @@ class State:
     def bytes_of(structure: str, rows: dict[str, int]) -> int:
         """Memory that the fields take [bytes]."""
         real = 8 if structure == "f64" else 4
-        nodes = rows["nodes"] * (32 * real + 5 * 4 + 32)
+        nodes = rows["nodes"] * (36 * real + 5 * 4 + 32)
         copies = rows["copies"] * 4 * real
         return nodes + copies + rows["pressures"] * (8 + PRESSURE_NUMBERS * real)
 
@@ -229,7 +232,7 @@ class State:
                 self.drive[i][d] = 0.0
                 self.pressed[i][d] = 0.0
                 self.drawn[i][d] = 0.0
-            self.carried[i] = 0.0
+            self.carried[i] = ti.Vector([0.0, 0.0])
             self.inverse_mass[i] = inverse_mass[k]
             self.body[i] = body[k]
             self.fixed[i] = 0

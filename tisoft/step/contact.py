@@ -108,9 +108,9 @@ def stop_of(state: ti.template(), i, h, v):
 def collide(state: ti.template(), i, h, v):
     """Velocity v of node i after contact, and the push that puts it onto a surface [m].
 
-    Reads rest, displacement, body, obstacle*; writes carried.
+    Reads rest, displacement, body, obstacle*; writes carried, rubbed.
     """
-    carried = 0.0 * h
+    carried, rubbed = ti.Vector([0.0 * h, 0.0 * h]), 0.0 * v
     x = state.rest[i] + state.displacement[i]
     push = 0.0 * v
     body = state.body[i]
@@ -127,9 +127,11 @@ def collide(state: ti.template(), i, h, v):
             if speed > 0.0:
                 keep = ti.max(1.0 - state.obstacle[row, FRICTION] * impulse / speed, 0.0 * speed)
             met = w + keep * tangential + allowed * normal
-            carried += w.dot(met - v)
+            rub = (keep - 1.0) * tangential
+            carried += ti.Vector([w.dot(met - v), w.dot(rub)])
+            rubbed += rub
             v = met
         if gap < 0.0:
             push += ti.min(-gap, state.obstacle[row, PUSH] * h) * normal
-    state.carried[i] = carried
+    state.carried[i], state.rubbed[i] = carried, rubbed
     return v, push

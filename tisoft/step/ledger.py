@@ -57,10 +57,15 @@ def note_acting(s: ti.template(), i, elements, moved, old, now):
         for c in ti.static(range(3)):
             if not bits & (1 << c):
                 given -= kept[c] * moved.push[c]
-                taken -= mass * moved.jump[c] * mean[c]
-        if bits != 7:
-            given += mass * state.carried[i]
-            taken += mass * state.carried[i]
+        if bits != 7 and (moved.jump != 0.0).any():
+            met = mass * state.carried[i]
+            given += met[0]
+            for c in ti.static(range(3)):
+                if not bits & (1 << c):
+                    met -= mass * mean[c] * ti.Vector([moved.jump[c], state.rubbed[i][c]])
+            taken += met[0]
+            state.touched[i][0] = state.touched[i][0] + met[0] - met[1]
+            state.touched[i][1] = state.touched[i][1] + met[1]
     state.work[i][0] = state.work[i][0] + taken
     state.work[i][1] = state.work[i][1] + given
 
