@@ -13,6 +13,7 @@ from typing import Any
 
 import taichi as ti
 
+from tisoft import runtime
 from tisoft.model.state import TOUCH_SCENE
 from tisoft.model.threads import meet, share
 from tisoft.obstacles.base import VELOCITY
@@ -241,4 +242,4 @@ def make_depths(s: Any) -> Any:
             renew(s, scene, now)
             find_depths(s.surfaces, s.state.ranges[scene, TOUCH_SCENE], now.h)
 
-    return measured
+    return runtime.compiled_as_written(measured)

@@ -13,6 +13,7 @@ from typing import Any
 
 import taichi as ti
 
+from tisoft import runtime
 from tisoft.model.state import (
     DONE,
     FIRST,
@@ -172,4 +173,4 @@ def make_advance(s: Any, alone: bool) -> Any:
                 if item % SLICE == 0:
                     walk(s, scene, item // SLICE, s.state.orders[scene, THREADS])
 
-    return advance
+    return runtime.compiled_as_written(advance) if s.meets else advance
