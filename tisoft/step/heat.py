@@ -36,7 +36,8 @@ def note(block: ti.template(), b, v: ti.template(), out: ti.template(), kick):
     Args: v: velocities of the corners [m/s]; out: forces, viscous share, and rates where the
     element has stresses; kick: seconds for which they act.
     """
-    first, rates = ti.static(block.element.rows, block.element.rows + block.element.stresses)
+    first = ti.static(3 * block.corners)
+    rates = ti.static(first + block.element.stresses)
     power = ti.Vector.zero(block.real, block.lanes)
     for c in range(block.flux):
         now = kick * row_of(block, out, first + c)
@@ -54,11 +55,11 @@ def owed(block: ti.template(), b, rest: ti.template(), w: ti.template()):
     power = ti.Vector.zero(block.real, block.lanes)
     if ti.static(block.element.stresses > 0):
         out = ti.Matrix.zero(block.real, block.element.rows + block.behind, block.lanes)
+        rates = ti.static(3 * block.corners + block.element.stresses)
         for lane in range(block.lanes):
             block.element.rate(rest, w, lane, out)
         for c in range(block.flux):
-            row = row_of(block, out, block.element.rows + block.element.stresses + c)
-            power += block.braked[b, c] * row
+            power += block.braked[b, c] * row_of(block, out, rates + c)
     else:
         for c in range(block.flux):
             power += block.braked[b, c] * row_of(block, w, c)
