@@ -91,28 +91,37 @@ def soften(touch: ti.template(), row):
 
 
 @ti.func
+def respond(touch: ti.template(), row, rate, mass, loose):
+    """Change the impulses of a row at the velocity `rate` of its points [m/s], with 1/P along it
+    and across it; returns their change, and how far the row was from its target [m/s].
+    """
+    n = touch.normal[row]
+    along = rate.dot(n)
+    short = touch.target[row] - along
+    impulse = ti.max(touch.impulse[row] + short * mass, 0.0 * short)
+    most = touch.rough[row] * impulse
+    grip = touch.grip[row] - (rate - along * n) * loose
+    square = grip.norm_sqr()
+    if square > most * most:
+        grip *= most / ti.sqrt(square)
+    change = (impulse - touch.impulse[row]) * n + grip - touch.grip[row]
+    touch.impulse[row], touch.grip[row] = impulse, grip
+    return change, short
+
+
+@ti.func
 def push(touch: ti.template(), row):
     """One sweep of a row, whose impulses are added to those on its points; returns how far it was
     from its target [m/s].
     """
-    n, mass = touch.normal[row], touch.mass[row]
     rate = touch.drift[row]
     for k in range(4):
         rate += touch.share[row, k] * touch.velocity[touch.corner[row, k]]
-    along = rate.dot(n)
-    short = 0.0 * along
-    if mass > 0.0:
-        short = touch.target[row] - along
-        impulse = ti.max(touch.impulse[row] + short * mass, 0.0 * short)
-        touch.impulse[row] = impulse
-        most = touch.rough[row] * impulse
-        grip = touch.grip[row] - (rate - along * n) * touch.loose[row]
-        square = grip.norm_sqr()
-        if square > most * most:
-            grip *= most / ti.sqrt(square)
-        touch.grip[row] = grip
-        if impulse > 0.0:
-            total = impulse * n + grip
+    short = 0.0 * rate[0]
+    if touch.mass[row] > 0.0:
+        _, short = respond(touch, row, rate, touch.mass[row], touch.loose[row])
+        if touch.impulse[row] > 0.0:
+            total = touch.impulse[row] * touch.normal[row] + touch.grip[row]
             for k in range(4):
                 p = touch.corner[row, k]
                 if touch.met[p]:
@@ -125,7 +134,7 @@ def settle(touch: ti.template(), row):
     """One Gauss-Seidel step of a row: its points answer at once, and give way as they do now.
     Returns how far it was from its target [m/s].
     """
-    n, rate = touch.normal[row], touch.drift[row]
+    rate = touch.drift[row]
     inverse, loose, free = 0.0 * touch.target[row], 0.0 * touch.target[row], 0.0 * touch.target[row]
     for k in range(4):
         p, w = touch.corner[row, k], ti.abs(touch.share[row, k])
@@ -135,20 +144,10 @@ def settle(touch: ti.template(), row):
         loose += w * w * touch.inverse_mass[p] * slides
         if touch.inverse_mass[p] > 0.0:
             free += w * gives
-    along = rate.dot(n)
-    short = 0.0 * along
+    change, short = 0.0 * rate, 0.0 * rate[0]
     if inverse > 0.0 and free > LEVER:
-        short = touch.target[row] - along
-        impulse = ti.max(touch.impulse[row] + short / inverse, 0.0 * short)
-        most = touch.rough[row] * impulse
-        grip = touch.grip[row]
-        if loose > 0.0:
-            grip -= (rate - along * n) / loose
-        square = grip.norm_sqr()
-        if square > most * most:
-            grip *= most / ti.sqrt(square)
-        change = (impulse - touch.impulse[row]) * n + grip - touch.grip[row]
-        touch.impulse[row], touch.grip[row] = impulse, grip
+        across = 1.0 / loose if loose > 0.0 else 0.0 * loose
+        change, short = respond(touch, row, rate, 1.0 / inverse, across)
         for k in range(4):
             p = touch.corner[row, k]
             if touch.met[p]:
