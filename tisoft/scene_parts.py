@@ -39,7 +39,7 @@ class Probe:
 @dataclass(frozen=True)
 class NoContact:
     """The names of two `bodies` that pass through each other.  Raises SceneError where they are not
-    two names.
+    two names, each another.
     """
 
     bodies: tuple[str, str]
@@ -50,6 +50,9 @@ class NoContact:
             raise FieldError("bodies", "must be the names of two bodies", self.bodies)
         for i, name in enumerate(names):
             checks.name(f"bodies[{i}]", name)
+        if names[0] == names[1]:
+            problem = "names one body twice; what passes through itself has self_contact = false"
+            raise FieldError("bodies", problem, self.bodies)
         put(self, "bodies", (names[0], names[1]))
 
 
