@@ -208,11 +208,11 @@ class Run:
         from tisoft.observers.progress import WholeFrames
 
         frames = WholeFrames(observers)
-        # What loading Taichi left is no garbage: a look through all of it stops a run for 80 ms.
-        gc.freeze()
+        gc.freeze()  # what loading Taichi left: a look through all of it stops a run for 80 ms
         try:
             frames.run(self.sim, seconds)
         finally:
+            gc.unfreeze()
             self.is_whole = frames.is_whole
 
     def elapsed(self) -> float:
