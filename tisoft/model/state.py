@@ -34,10 +34,11 @@ HELD_MEANS = 19
 """Column of `State.ranges`: first row of `Means`, then one past the last."""
 ORDERS = (
     FIRST, LAST, PASSES, THREADS, LOADED, DONE, TRIPPED, PROBES, PROBE, RECORDS, CHUNKS, TASK,
-    HAND, HELD, TELLS, EASES,
-) = tuple(range(16))  # fmt: skip
+    HAND, HELD, TELLS, EASES, SHOVED,
+) = tuple(range(17))  # fmt: skip
 """Columns of `State.orders`; TELLS: whether stretches record the elastic energy;
-EASES: whether bodies are pushed out of obstacles."""
+EASES: whether bodies are pushed out of obstacles; SHOVED: the pass after that which last pushed a
+node onto an obstacle, where a ledger is kept."""
 MOVE, SUM, PUSH = range(3)
 """Tasks of a launch: make substeps; sum up the present state; leave its forces in the copies."""
 POWER = 8
@@ -195,12 +196,12 @@ class State:
         self.tree = builder.finalize()
         self.vector, self.wide = vec3, wide
         self.Now = ti.types.struct(
-            h=real, kick=real, gravity=vec3, loaded=ti.i32, counts=ti.i32, opens=ti.i32,
-            closes=ti.i32,
+            scene=ti.i32, number=ti.i32, h=real, kick=real, gravity=vec3, loaded=ti.i32,
+            counts=ti.i32, opens=ti.i32, closes=ti.i32,
         )  # fmt: skip
-        """Of a pass: step [s], seconds through which symplectic Euler's force acts, gravity [m/s²],
-        whether loads act, whether bodies move and a ledger counts, whether velocity Verlet opens or
-        closes a substep."""
+        """Of a pass: its scene, its number in the stretch, step [s], seconds through which
+        symplectic Euler's force acts, gravity [m/s²], whether loads act, whether bodies move and a
+        ledger counts, whether velocity Verlet opens or closes a substep."""
         self.Moved = ti.types.struct(before=vec3, after=vec3, jump=vec3, way=vec3, push=vec3)
         """How a node moved: velocity before and after its kick, the jump of the velocity in contact
         [m/s], displacement, and push onto a surface [m]."""

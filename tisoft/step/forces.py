@@ -10,6 +10,7 @@ unrolls it all the same.
 
 import taichi as ti
 
+from tisoft.model.state import SHOVED
 from tisoft.step import heat
 
 
@@ -97,9 +98,10 @@ def batch(s: ti.template(), block: ti.template(), b, now):
                         for lane in range(lanes):
                             block.element.rate(rest, v, lane, out)
             if ti.static(s.contact):
-                w = ti.Matrix.zero(block.real, size, lanes)
-                gather(block, s.state.shove, b, w)
-                block.heat[b] = block.heat[b] - heat.owed(block, b, rest, w)
+                if s.state.orders[now.scene, SHOVED] == now.number:
+                    w = ti.Matrix.zero(block.real, size, lanes)
+                    gather(block, s.state.shove, b, w)
+                    block.heat[b] = block.heat[b] - heat.owed(block, b, rest, w)
             heat.note(block, b, v, out, s.integrator.kick(now))
 
 

@@ -21,7 +21,7 @@ from typing import Any
 
 import taichi as ti
 
-from tisoft.model.state import GRAVITY, KICK, LOADED, MOVE, STEP, TASK
+from tisoft.model.state import GRAVITY, KICK, LOADED, MOVE, SHOVED, STEP, TASK
 from tisoft.step import consistent_mass, external, forces, ledger
 
 
@@ -93,6 +93,8 @@ def move(s: ti.template(), i, a, f, now, pushed, rubbed):
         ledger.note(s, i, f, moved, old, now)
         if ti.static(s.contact):
             s.state.shove[i] = moved.push / s.integrator.kick(now)
+            if (moved.push != 0.0).any():
+                s.state.orders[now.scene, SHOVED] = now.number + 1
         if ti.static(s.meets):
             ledger.note_touch(s.state, i, moved, pushed, rubbed)
 
@@ -124,6 +126,8 @@ def now_of(s: ti.template(), scene, number, passes):
         [ti.cast(s.state.settings[scene, GRAVITY + d], s.state.real) for d in range(3)]
     )
     return s.state.Now(
+        scene=scene,
+        number=number,
         h=h,
         kick=kick,
         gravity=gravity,
