@@ -24,7 +24,7 @@ def begin(block: ti.template(), b):
 
 
 @ti.func
-def row_of(block: ti.template(), columns: ti.template(), row):
+def lanes_of(block: ti.template(), columns: ti.template(), row):
     """A row of local columns, a number a lane: LLVM stores no others than vectors at a time."""
     return ti.Vector([columns[row, lane] for lane in ti.static(range(block.lanes))])
 
@@ -40,11 +40,11 @@ def note(block: ti.template(), b, v: ti.template(), out: ti.template(), kick):
     rates = ti.static(first + block.element.stresses)
     power = ti.Vector.zero(block.real, block.lanes)
     for c in range(block.flux):
-        now = kick * row_of(block, out, first + c)
+        now = kick * lanes_of(block, out, first + c)
         if ti.static(block.element.stresses > 0):
-            power += (block.braked[b, c] + now) * row_of(block, out, rates + c)
+            power += (block.braked[b, c] + now) * lanes_of(block, out, rates + c)
         else:
-            power += (block.braked[b, c] + now) * row_of(block, v, c)
+            power += (block.braked[b, c] + now) * lanes_of(block, v, c)
         block.braked[b, c] = now
     block.heat[b] = block.heat[b] - 0.5 * ti.cast(power.sum(), block.wide)
 
@@ -59,8 +59,8 @@ def owed(block: ti.template(), b, rest: ti.template(), w: ti.template()):
         for lane in range(block.lanes):
             block.element.rate(rest, w, lane, out)
         for c in range(block.flux):
-            power += block.braked[b, c] * row_of(block, out, rates + c)
+            power += block.braked[b, c] * lanes_of(block, out, rates + c)
     else:
         for c in range(block.flux):
-            power += block.braked[b, c] * row_of(block, w, c)
+            power += block.braked[b, c] * lanes_of(block, w, c)
     return ti.cast(power.sum(), block.wide)

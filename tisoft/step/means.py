@@ -99,12 +99,7 @@ def wanted(s: ti.template(), scene, k, column):
 @ti.func
 def note(s: ti.template(), i, old, change, way, now):
     """Add the pin's work at node i, m Δv·(v + Δv/2 − a/2 · kick), and its loads' [J] (`ledger`)."""
-    kick = now.kick
-    if ti.static(s.integrator.closing_passes > 0):
-        kick = 0.5 * now.h
-        if now.opens and now.closes:
-            kick = now.h
-    pull = s.state.pull[i]
+    kick, pull = s.integrator.kick(now), s.state.pull[i]
     given = change.dot(old + 0.5 * change - 0.5 * kick * pull) / s.state.inverse_mass[i]
     if now.loaded:
         given += (s.state.load[i] + s.state.pressed[i]).dot(way)

@@ -76,9 +76,10 @@ def _sides(triangles: Ints) -> Ints:
 def _between(x: Floats, of_x: Ints, y: Floats, of_y: Ints) -> Floats:
     """Where edges of one body pass through triangles of another one [m], shape (n, 3)."""
     found = np.zeros((0, 3))
+    low = np.maximum(x.min(axis=0), y.min(axis=0))
+    high = np.minimum(x.max(axis=0), y.max(axis=0))
     for p, rows, q, others in ((x, of_x, y, of_y), (y, of_y, x, of_x)):
         ends, corners = p[_sides(rows)], q[others]
-        low, high = np.maximum(x.min(axis=0), y.min(axis=0)), np.minimum(x.max(0), y.max(0))
         ends, corners = (
             each[((each.min(axis=1) <= high) & (each.max(axis=1) >= low)).all(axis=1)]
             for each in (ends, corners)

@@ -172,6 +172,21 @@ def edge_normal(touch: ti.template(), e):
 
 
 @ti.func
+def side_of(touch: ti.template(), z, side, thick, solid, facing):
+    """On which side of each other the lines of pair z are, 1 or −1, and whether that counts.
+
+    Args: side: their distance along n [m]; facing: n · outward normals of what is solid.
+    """
+    sign, ok = touch.side[z], 1
+    if solid:
+        sign = 1 if facing >= 0.0 else -1
+        ok = ti.i32(side * sign > -thick)  # deeper ones are for points and faces
+    elif sign == 0 or ti.abs(side) > SEEN * thick:
+        sign = 1 if side >= 0.0 else -1
+    return sign, ok
+
+
+@ti.func
 def edge_gap(touch: ti.template(), z):
     """Weights, direction and distance [m] of two edges; whether they count."""
     body, other = touch.body[touch.ends[z, 2]], touch.body[touch.ends[z, 0]]
@@ -185,17 +200,13 @@ def edge_gap(touch: ti.template(), z):
         n = (b - a).cross(d - c).normalized()
         side = (a + s * (b - a) - c - t * (d - c)).dot(n)
         thick = thickness(touch, touch.ends[z, 0], touch.ends[z, 2])
-        sign = touch.side[z]
         out = 0.0 * n
         if touch.trait[other, f.SOLID]:
             out -= edge_normal(touch, touch.item[z, 0])
         if touch.trait[body, f.SOLID]:
             out += edge_normal(touch, touch.item[z, 1])
-        if touch.trait[other, f.SOLID] or touch.trait[body, f.SOLID]:
-            sign = 1 if n.dot(out) >= 0.0 else -1
-            ok = ti.i32(side * sign > -thick)  # deeper ones are for points and faces
-        elif sign == 0 or ti.abs(side) > SEEN * thick:
-            sign = 1 if side >= 0.0 else -1
+        solid = touch.trait[other, f.SOLID] or touch.trait[body, f.SOLID]
+        sign, ok = side_of(touch, z, side, thick, solid, n.dot(out))
         n, distance = n * sign, side * sign
     touch.side[z] = sign
     return w, n, distance, ok
@@ -227,17 +238,14 @@ def rod_gap(touch: ti.template(), z):
         n = (b - a).cross(d - c).normalized()
         side = (x - c - t * (d - c)).dot(n)
         thick = thickness(touch, p, touch.ends[z, 1])
-        sign = touch.side[z]
+        out = 0.0 * n
         if touch.trait[body, f.SOLID]:
             far = touch.place[touch.triangle[i, k]]
-            out = (d - c).cross(far - c).normalized()
+            out += (d - c).cross(far - c).normalized()
             if touch.across[i, k] >= 0:
                 far = touch.place[touch.across[i, k]]
                 out -= (d - c).cross(far - c).normalized()
-            sign = 1 if n.dot(out) >= 0.0 else -1
-            ok = ti.i32(side * sign > -thick)
-        elif sign == 0 or ti.abs(side) > SEEN * thick:
-            sign = 1 if side >= 0.0 else -1
+        sign, ok = side_of(touch, z, side, thick, touch.trait[body, f.SOLID], n.dot(out))
         n, distance = n * sign, side * sign
         drift = touch.spin[other].cross(x - n * touch.number[other, f.HALF] - a)
     touch.side[z] = sign
